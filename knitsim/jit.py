@@ -1,0 +1,26 @@
+"""Numba, set up so that its on-disk cache never serves stale machine code.
+
+Numba checks only the file of the compiled function itself: an edited kernel that another one calls,
+or a changed imported constant, would leave old machine code in use.  So the cache lies in a
+directory named by a hash of all sources that compiled code can come from.  Kernels are decorated
+with :data:`njit` from here, never from numba, so that the directory is set before any decorator
+runs.
+"""
+
+import functools
+import os
+from pathlib import Path
+
+import numba
+
+from knitsim.provenance import kernel_hash
+
+CACHE_ROOT = Path(
+    os.environ.get("KNITSIM_CACHE_DIR")
+    or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "knitsim"
+)
+CACHE_DIR = CACHE_ROOT / f"numba-{kernel_hash()}"
+numba.config.CACHE_DIR = str(CACHE_DIR)
+
+# No fastmath: it would let a NaN pass the checks that must catch it.
+njit = functools.partial(numba.njit, cache=True, error_model="numpy")

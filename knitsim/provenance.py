@@ -1,0 +1,79 @@
+"""Which sources a result depends on, as a hash, found from the import statements themselves.
+
+Nothing here imports the modules that it hashes: the Snakefile calls it and must start fast.
+"""
+
+import ast
+import functools
+import hashlib
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parent
+
+
+@functools.cache
+def _path(module):
+    """File of a dotted ``knitsim`` module name, or None if it is no module of this package."""
+    parts = module.split(".")
+    if parts[0] != "knitsim":
+        return None
+    base = PACKAGE.joinpath(*parts[1:])
+    for candidate in (base / "__init__.py", base.with_suffix(".py")):
+        if candidate.is_file():
+            return candidate
+    return None
+
+
+@functools.cache
+def _imports(module):
+    """The knitsim modules that one module names in its import statements, at any depth in it."""
+    found = set()
+    for node in ast.walk(ast.parse(_path(module).read_bytes())):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            # "from a.b import c": c may be a module of its own; a.b counts in any case.
+            names = [node.module] + [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level:
+            raise SyntaxError(f"{module}: relative imports are not used in knitsim")
+        found.update(name for name in names if _path(name))
+    return frozenset(found)
+
+
+def module_closure(*modules):
+    """All knitsim modules that ``modules`` import, directly or not, and themselves, sorted."""
+    seen, todo = set(), list(modules)
+    while todo:
+        module = todo.pop()
+        if module in seen:
+            continue
+        if _path(module) is None:
+            raise ValueError(f"no module named {module} in knitsim")
+        seen.add(module)
+        todo.extend(_imports(module))
+    return sorted(seen)
+
+
+def _digest(modules):
+    digest = hashlib.sha256()
+    for module in modules:
+        digest.update(module.encode() + b"\0" + _path(module).read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def source_hash(*modules):
+    """Hash (16 hex digits) of the sources that ``modules`` depend on within knitsim."""
+    return _digest(module_closure(*modules))
+
+
+@functools.cache
+def kernel_hash():
+    """Hash of every module that compiled code can come from: those that use njit, and what they import."""
+    users = []
+    for path in sorted(PACKAGE.rglob("*.py")):
+        parts = ("knitsim", *path.relative_to(PACKAGE).with_suffix("").parts)
+        module = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        if module != "knitsim.jit" and "knitsim.jit" in _imports(module):
+            users.append(module)
+    return _digest(module_closure(*users))
