@@ -73,16 +73,16 @@ class TensionLaw:
 
     def tension_at(self, strain):
         """Tension (N) on loading; strain: any shape."""
-        return _each(law_kernels.tension_at, strain, self.strain, self.tension)
+        return _each(law_kernels.fill_tension, strain, self.strain, self.tension)
 
     def stiffness_at(self, strain):
         """Tangent stiffness dN/dstrain (N) on loading; at a vertex that of the segment below."""
-        return _each(law_kernels.stiffness_at, strain, self.strain, self.tension)
+        return _each(law_kernels.fill_stiffness, strain, self.strain, self.tension)
 
     def energy_at(self, strain):
         """Energy per reference length (N = J/m) stored on loading from 0; strain: any shape."""
         return _each(
-            law_kernels.energy_at, strain, self.strain, self.tension, self.energy_at_vertices
+            law_kernels.fill_energy, strain, self.strain, self.tension, self.energy_at_vertices
         )
 
     def scaled(self, factor):
@@ -90,9 +90,10 @@ class TensionLaw:
         return TensionLaw(self.strain, self.tension * factor, self.breaking_strain, self.plastic)
 
 
-def _each(kernel, strain, *law):
+def _each(fill, strain, *law):
     strain = np.asarray(strain, dtype=float)
-    values = np.array([kernel(e, *law) for e in strain.ravel()], dtype=float)
+    values = np.empty(strain.size)
+    fill(strain.ravel(), *law, values)
     return values.reshape(strain.shape)
 
 

@@ -47,3 +47,24 @@ def energy_at(e, strain, tension, energy):
     k = segment_of(e, strain)
     x = e - strain[k]
     return energy[k] + x * (tension[k] + 0.5 * slope_of(k, strain, tension) * x)
+
+
+@njit
+def fill_tension(strains, strain, tension, out):
+    """tension_at of every one of ``strains`` (n,) into out (n,)."""
+    for i in range(strains.size):
+        out[i] = tension_at(strains[i], strain, tension)
+
+
+@njit
+def fill_stiffness(strains, strain, tension, out):
+    """stiffness_at of every one of ``strains`` (n,) into out (n,)."""
+    for i in range(strains.size):
+        out[i] = stiffness_at(strains[i], strain, tension)
+
+
+@njit
+def fill_energy(strains, strain, tension, energy, out):
+    """energy_at of every one of ``strains`` (n,) into out (n,)."""
+    for i in range(strains.size):
+        out[i] = energy_at(strains[i], strain, tension, energy)

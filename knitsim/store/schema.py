@@ -1,0 +1,145 @@
+"""The result schema: every name that may stand in a result file, with its unit and meaning.
+
+This table is the contract with readers of the files.  A change of it is a change of
+:data:`SCHEMA_VERSION` and stands in the changelog.
+"""
+
+from dataclasses import dataclass
+
+SCHEMA_VERSION = "1.0"
+CONVENTIONS = "CF-1.11, ACDD-1.3"
+
+AXES = ("course", "wale", "thickness")
+ENERGY_TERMS = ("stretch", "bend", "contact")
+PHASES = ("loading", "recovery")
+
+
+@dataclass(frozen=True)
+class Name:
+    """One variable or coordinate: CF unit, meaning, and the flag meanings if it is a flag."""
+
+    units: str | None
+    long_name: str
+    flags: tuple[str, ...] = ()
+    # Shapes only: positions may be rounded in the file, forces and energies never.
+    shape: bool = False
+
+
+COORDINATES = {
+    "axis": Name(None, "fabric axis; thickness is positive to the technical face"),
+    "term": Name(None, "energy term"),
+    "variant": Name(None, "reading of the same test"),
+    "step": Name("1", "number of the stored state, in the order of the test"),
+    "point": Name("1", "number of the point along one loop"),
+    "section": Name("1", "number of the cross-section along one loop"),
+    "fibre": Name("1", "number of the fibre in its cross-section"),
+    "anchor": Name("1", "number of the anchor point along one loop"),
+    "crossing": Name("1", "number of the crossing along one loop, from the head"),
+    "vertex": Name("1", "number of the vertex of the tension law"),
+    "sample": Name("1", "number of the point of the yarn's curve"),
+    "parameter": Name(None, "calibrated parameter of the tension law"),
+    "bound": Name(None, "end of an interval"),
+    "assumption": Name(None, "assumed input, as subject.key"),
+    "quantity": Name(None, "result whose change is given, with its unit"),
+    "order": Name(None, "which inclination of the printed eqs (2), (3) is turned first"),
+    "strain": Name("1", "engineering strain along the pull, from the starting state"),
+    "curvature": Name("m-1", "curvature, positive when the technical face is convex"),
+    "phase": Name(None, "loading or recovery"),
+    "cycle": Name("1", "number of the cycle, from 1"),
+}
+
+VARIABLES = {
+    # yarn
+    "law_strain": Name("1", "strain at the vertices of the yarn's tension law"),
+    "law_tension": Name("N", "tension at the vertices of the yarn's tension law"),
+    "breaking_strain": Name("1", "breaking strain of the yarn"),
+    "law_is_plastic": Name(None, "whether post-yield strain stays", ("reversible", "plastic")),
+    "linear_density": Name("kg m-1", "linear density of the yarn"),
+    "diameter": Name("m", "yarn diameter"),
+    "twist": Name("m-1", "turns per length, positive for Z"),
+    "fibre_diameter": Name("m", "fibre diameter"),
+    "fibre_position": Name("m", "fibre centres in the cross-section of the yarn", shape=True),
+    "fibre_path": Name("m", "fibre centres over successive cross-sections", shape=True),
+    "section_edge": Name("1", "numbers of the two fibres that a section spring joins"),
+    "section_spacing": Name("m", "distance of successive cross-sections"),
+    "curve_strain": Name("1", "strain of the yarn's given curve, slack removed"),
+    "curve_tension": Name("N", "tension of the yarn's given curve"),
+    "fitted_value": Name(None, "calibrated value; units in the coordinate parameter_units"),
+    "fitted_interval": Name(None, "95 % confidence interval of the calibrated value"),
+    "stated_value": Name(None, "the value that the configuration states, if it does"),
+    "fit_rms": Name("1", "rms misfit of the calibration over the largest tension of the curve"),
+    "fit_largest": Name("1", "largest misfit of the calibration over the curve's largest tension"),
+    "fit_r_squared": Name("1", "coefficient of determination of the calibration"),
+    "mean_radius_ratio": Name("1", "mean fibre radius over that of the starting state"),
+    "friction_force": Name("N", "F = c v between the fibres, positive on loading"),
+    "time": Name("s", "time from the start of the test at the set velocity"),
+    "section_energy": Name("J m-1", "energy of the section springs per length of yarn"),
+    "stretch_energy": Name("J m-1", "energy of the tension springs per length of yarn"),
+    "bend_energy": Name("J m-1", "energy of the bending springs per length of yarn"),
+    "plastic_dissipated": Name("J m-1", "plastic work per length of yarn, cumulative"),
+    "friction_dissipated": Name("J m-1", "work of F = c v per length of yarn, cumulative"),
+    "work_per_length": Name("J m-1", "work done per length of yarn, cumulative"),
+    # loop
+    "centreline": Name("m", "centre line of one loop", shape=True),
+    "tangent": Name("1", "unit tangent of the centre line", shape=True),
+    "normal": Name("1", "first unit normal of the rotation-minimising frame", shape=True),
+    "binormal": Name("1", "second unit normal of the rotation-minimising frame", shape=True),
+    "frame_closure_angle": Name(
+        "rad", "angle by which the frame fails to close over a loop, spread along it"
+    ),
+    "fibre_point": Name("m", "fibre points of one loop", shape=True),
+    "anchor_point": Name("m", "anchor points of one loop", shape=True),
+    "anchor_parameter": Name("m", "spline parameter (chord length) at the anchor points"),
+    "arc_length": Name("m", "length along the centre line from the sinker loop"),
+    "curve_point": Name("m", "Choi and Lo's curve that gives the anchors", shape=True),
+    "loop_height": Name("m", "extent of one loop along the wale"),
+    "loop_length": Name("m", "length of yarn in one loop"),
+    "choi_lo_parameter": Name("1", "parameter chi of Choi and Lo's curve"),
+    "stitch_density": Name("m-2", "loops per area"),
+    "tightness_factor": Name("tex0.5 cm-1", "tightness factor, sqrt(tex) over loop length in cm"),
+    "areal_mass": Name("kg m-2", "mass per area"),
+    "over": Name(None, "whether the loop crosses over or under, seen on the face", ("under", "over")),
+    "neighbour": Name("1", "course that the loop crosses, relative to its own"),
+    "section_angle_error": Name(
+        "rad", "angle between the section axis of the printed eqs (2), (3) and the tangent"
+    ),
+    "peirce_loop_length": Name("m", "loop length of Peirce's own loop, 2 c + w + 5.94 d"),
+    # tension and bending
+    "force_per_loop": Name("N", "derivative of one loop's energy by the spacing pulled"),
+    "force_per_width": Name("N m-1", "force over the transverse spacing of the starting state"),
+    "moment_per_width": Name("N", "derivative of the energy per area by the curvature"),
+    "yarn_tension": Name("N", "tension of the yarn, mean over the loop"),
+    "yarn_strain": Name("1", "strain of the yarn, mean over the loop"),
+    "transverse_strain": Name("1", "engineering strain across the pull, from the starting state"),
+    "wale_spacing": Name("m", "distance of neighbouring wales"),
+    "course_spacing": Name("m", "distance of neighbouring courses"),
+    "energy": Name("J", "energy per loop"),
+    "work": Name("J", "work done per loop, cumulative"),
+    "dissipated": Name("J", "energy lost per loop, cumulative"),
+    "min_distance": Name("1", "smallest distance of yarn centre lines, in yarn diameters"),
+    "crossings_intact": Name(None, "whether the loops are interlooped", ("lost", "intact")),
+    "residual": Name("N", "largest residual force"),
+    "iterations": Name("1", "iterations of the solver"),
+    "status": Name(
+        None, "state of the solution",
+        ("valid", "beyond_breaking_strain", "not_defined", "not_converged", "crossings_lost"),
+    ),
+    "numerical_error": Name("1", "estimated error of the force over max(|force|, 1 % of the largest)"),
+    "assumption_low": Name(None, "low end of the plausible range of an assumed input"),
+    "assumption_high": Name(None, "high end of the plausible range of an assumed input"),
+    "assumption_effect": Name(
+        "1", "relative change of the quantity when the assumed input goes to the bound"
+    ),
+    "headline": Name(None, "the quantity itself at the stated inputs"),
+}  # fmt: skip
+
+REFERENCES = {
+    "paper": "3-Dimension Simulation for Loop Structure of Weft-Knitted Fabric Considering"
+    " Mechanical Properties of Yarn",
+    "choi_lo": "K. F. Choi and T. Y. Lo, Textile Research Journal 73 (2003) 739-748",
+    "peirce": "F. T. Peirce, Textile Research Journal 17 (1947) 123-147",
+    "hearle": "J. W. S. Hearle, P. Grosberg, S. Backer, Structural Mechanics of Fibers, Yarns, and"
+    " Fabrics, Wiley 1969",
+    "vogel": "H. Vogel, Mathematical Biosciences 44 (1979) 179-189",
+    "wang": "W. Wang et al., ACM Transactions on Graphics 27 (2008) 2",
+}

@@ -1,0 +1,74 @@
+"""Run times: measured in the run that makes the results, kept beside them, never in netCDF."""
+
+import csv
+import functools
+import os
+import platform
+import statistics
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+COLUMNS = ("stage", "subject", "name", "value", "units", "repeats", "note", "machine")
+
+
+@functools.cache
+def machine():
+    """Processor, number of processors and Python, in one line."""
+    model = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        for line in info.read_text().splitlines():
+            if line.startswith("model name"):
+                model = line.partition(":")[2].strip()
+                break
+    return f"{model}, {os.cpu_count()} processors, Python {platform.python_version()}"
+
+
+class Timings:
+    """Rows of run times of one stage on one subject (a yarn, a fabric, or ``all``)."""
+
+    def __init__(self, stage, subject):
+        self.stage, self.subject, self.rows = stage, subject, []
+
+    def add(self, name, seconds, repeats=1, note=""):
+        self.rows.append(
+            (self.stage, self.subject, name, f"{seconds:.6g}", "s", repeats, note, machine())
+        )
+
+    @contextmanager
+    def measure(self, name, note=""):
+        """Record the wall time of the block."""
+        start = time.perf_counter()
+        yield
+        self.add(name, time.perf_counter() - start, note=note)
+
+    def repeat(self, name, call, budget=0.1, note=""):
+        """Record the median wall time of ``call()`` over 3 or more runs after one that is not counted.
+
+        budget: seconds after which no further run is begun.  Returns the result of the last run.
+        """
+        result, seconds, start = call(), [], time.perf_counter()
+        while len(seconds) < 3 or (time.perf_counter() - start < budget and len(seconds) < 100):
+            begin = time.perf_counter()
+            result = call()
+            seconds.append(time.perf_counter() - begin)
+        self.add(name, statistics.median(seconds), len(seconds), note or "median, compiled")
+        return result
+
+    def write(self, path):
+        """Write the rows as CSV."""
+        write_csv(path, COLUMNS, self.rows)
+
+
+def write_csv(path, columns, rows):
+    """Write ``rows`` (sequences, or mappings by column) under ``columns``; whole or not at all."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + f".{os.getpid()}.part")
+    with partial.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        for row in rows:
+            writer.writerow([row[c] for c in columns] if isinstance(row, dict) else row)
+    os.replace(partial, path)

@@ -1,0 +1,87 @@
+"""Writing result files: names checked against the schema, the same input to the same bytes."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+
+import knitsim
+from knitsim.provenance import source_hash
+from knitsim.store.schema import (
+    CONVENTIONS,
+    COORDINATES,
+    REFERENCES,
+    SCHEMA_VERSION,
+    VARIABLES,
+)
+
+# Shapes are rounded to seven significant digits (below 1 nm on a loop): files 3 times smaller.
+SHAPE_DIGITS = 7
+
+
+def to_json(value):
+    """JSON of plain data, keys sorted, so that equal data give equal bytes."""
+    return json.dumps(value, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
+
+
+def describe(dataset, *, title, summary, references, configuration, assumptions, modules):
+    """``dataset`` with the global attributes that every result file carries (in place).
+
+    references: keys of schema.REFERENCES; configuration: plain data, the scene's resolved input;
+    assumptions: list of rows of the ledger; modules: the knitsim modules whose sources the result
+    depends on.
+    """
+    dataset.attrs.update(
+        title=title,
+        summary=summary,
+        source=f"knitsim {knitsim.__version__}",
+        references="; ".join(REFERENCES[key] for key in references),
+        Conventions=CONVENTIONS,
+        schema_version=SCHEMA_VERSION,
+        knitsim_version=knitsim.__version__,
+        source_hash=source_hash(*modules),
+        configuration=to_json(configuration),
+        assumptions=to_json(assumptions),
+    )
+    return dataset
+
+
+def write(dataset, path):
+    """Write an xarray Dataset to the netCDF file ``path``; whole or not at all.
+
+    Raises ValueError for a name that the schema does not know or an attribute that is missing.
+    """
+    for needed in ("title", "source_hash", "configuration", "assumptions"):
+        if needed not in dataset.attrs:
+            raise ValueError(f"{path}: attribute {needed} is missing")
+    dataset = dataset.copy(deep=False)
+    encoding = {}
+    for name in dataset.variables:
+        table = COORDINATES if name in dataset.coords else VARIABLES
+        if name not in table:
+            raise ValueError(f"{path}: '{name}' is not in the result schema")
+        entry, variable = table[name], dataset[name].variable
+        attributes = {"long_name": entry.long_name}
+        if entry.units is not None:
+            attributes["units"] = entry.units
+        if entry.flags:
+            attributes["flag_values"] = np.arange(len(entry.flags), dtype=np.int8)
+            attributes["flag_meanings"] = " ".join(entry.flags)
+        own = encoding[name] = {"_FillValue": None}
+        if entry.flags:
+            own["dtype"] = "int8"
+        if variable.dtype.kind == "f" and variable.size > 64:
+            own |= {"zlib": True, "complevel": 4, "shuffle": True}
+            if entry.shape:
+                own |= {"significant_digits": SHAPE_DIGITS, "quantize_mode": "GranularBitRound"}
+        # A new variable: attributes of the caller's dataset stay as they are.
+        dataset[name] = dataset[name].assign_attrs({**variable.attrs, **attributes})
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + f".{os.getpid()}.part")
+    try:
+        dataset.to_netcdf(partial, engine="netcdf4", encoding=encoding)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
