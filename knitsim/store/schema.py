@@ -39,8 +39,16 @@ COORDINATES = {
     "sample": Name("1", "number of the point of the yarn's curve"),
     "parameter": Name(None, "calibrated parameter of the tension law"),
     "bound": Name(None, "end of an interval"),
-    "assumption": Name(None, "assumed input, as subject.key"),
-    "quantity": Name(None, "result whose change is given, with its unit"),
+    "parameter_units": Name(None, "unit of the calibrated parameter"),
+    "parameter_note": Name(None, "why a calibrated parameter has no confidence interval"),
+    "form": Name(None, "form of the tension law: continuous, or as printed"),
+    "twist_form": Name(None, "twist as corrected (a rotation) or by eq (1) as printed"),
+    "section_axis": Name(None, "axes of the yarn's cross-section"),
+    "yarn_axis": Name(None, "axes of the straight yarn; z along it"),
+    "alternative": Name(None, "another plausible value of an assumed input, as key=value"),
+    "refused": Name(None, "why no result could be computed with this alternative"),
+    "quantity": Name(None, "result whose change is given"),
+    "quantity_units": Name(None, "unit of the quantity"),
     "order": Name(None, "which inclination of the printed eqs (2), (3) is turned first"),
     "strain": Name("1", "engineering strain along the pull, from the starting state"),
     "curvature": Name("m-1", "curvature, positive when the technical face is convex"),
@@ -64,7 +72,8 @@ VARIABLES = {
     "section_spacing": Name("m", "distance of successive cross-sections"),
     "curve_strain": Name("1", "strain of the yarn's given curve, slack removed"),
     "curve_tension": Name("N", "tension of the yarn's given curve"),
-    "fitted_value": Name(None, "calibrated value; units in the coordinate parameter_units"),
+    "fitted_tension": Name("N", "tension of the calibrated law at the strains of the given curve"),
+    "fitted_value": Name(None, "calibrated value; unit in parameter_units"),
     "fitted_interval": Name(None, "95 % confidence interval of the calibrated value"),
     "stated_value": Name(None, "the value that the configuration states, if it does"),
     "fit_rms": Name("1", "rms misfit of the calibration over the largest tension of the curve"),
@@ -81,15 +90,22 @@ VARIABLES = {
     "work_per_length": Name("J m-1", "work done per length of yarn, cumulative"),
     # loop
     "centreline": Name("m", "centre line of one loop", shape=True),
+    "model_length": Name("m", "length L of the bent model along the bent direction"),
     "tangent": Name("1", "unit tangent of the centre line", shape=True),
     "normal": Name("1", "first unit normal of the rotation-minimising frame", shape=True),
     "binormal": Name("1", "second unit normal of the rotation-minimising frame", shape=True),
     "frame_closure_angle": Name(
         "rad", "angle by which the frame fails to close over a loop, spread along it"
     ),
+    "turn_per_loop": Name("rad", "angle by which the twist turns the sections from loop to loop"),
+    "thickness": Name("m", "thickness of the fabric: of its centre lines and one yarn diameter"),
+    "cover": Name("1", "share of the area under yarn, overlaps counted twice"),
+    "peirce_point": Name("m", "Peirce's own loop at these spacings", shape=True),
+    "printed_section_axis": Name("1", "section axis by the printed eqs (2), (3)", shape=True),
+    "section_angle_error_of_diagonal": Name("rad", "the same for the direction (1, 1, 1)"),
+    "backward_share": Name("1", "share of the curve parameter that runs backwards course-wise"),
     "fibre_point": Name("m", "fibre points of one loop", shape=True),
     "anchor_point": Name("m", "anchor points of one loop", shape=True),
-    "anchor_parameter": Name("m", "spline parameter (chord length) at the anchor points"),
     "arc_length": Name("m", "length along the centre line from the sinker loop"),
     "curve_point": Name("m", "Choi and Lo's curve that gives the anchors", shape=True),
     "loop_height": Name("m", "extent of one loop along the wale"),
@@ -101,7 +117,7 @@ VARIABLES = {
     "over": Name(None, "whether the loop crosses over or under, seen on the face", ("under", "over")),
     "neighbour": Name("1", "course that the loop crosses, relative to its own"),
     "section_angle_error": Name(
-        "rad", "angle between the section axis of the printed eqs (2), (3) and the tangent"
+        "rad", "median angle between the section axis of the printed eqs (2), (3) and the tangent"
     ),
     "peirce_loop_length": Name("m", "loop length of Peirce's own loop, 2 c + w + 5.94 d"),
     # tension and bending
@@ -125,12 +141,10 @@ VARIABLES = {
         ("valid", "beyond_breaking_strain", "not_defined", "not_converged", "crossings_lost"),
     ),
     "numerical_error": Name("1", "estimated error of the force over max(|force|, 1 % of the largest)"),
-    "assumption_low": Name(None, "low end of the plausible range of an assumed input"),
-    "assumption_high": Name(None, "high end of the plausible range of an assumed input"),
     "assumption_effect": Name(
-        "1", "relative change of the quantity when the assumed input goes to the bound"
+        "1", "relative change of the quantity with the alternative value of the assumed input"
     ),
-    "headline": Name(None, "the quantity itself at the stated inputs"),
+    "headline": Name(None, "the quantity itself with the values taken; unit in quantity_units"),
 }  # fmt: skip
 
 REFERENCES = {

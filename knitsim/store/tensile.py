@@ -21,8 +21,8 @@ def test_dataset(along, values, recovery, variables, *, stretch_energy, cycle=No
     """A dataset with the dimension ``step`` and the coordinates of a test.
 
     along: ``strain`` or ``curvature``; values, recovery, stretch_energy: shape (steps,); variables:
-    arrays by schema name, (steps,), or (steps, points, 3) for the centre line.  Energy terms that the
-    model does not have are zero.
+    arrays by schema name, (steps,), or (steps, points, 3) for the centre line.  Energy terms that
+    the model does not have are zero.
     """
     steps = values.size
     energy = np.zeros((steps, len(ENERGY_TERMS)))

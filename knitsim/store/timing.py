@@ -9,6 +9,8 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+from knitsim.files import replacing
+
 COLUMNS = ("stage", "subject", "name", "value", "units", "repeats", "note", "machine")
 
 
@@ -44,7 +46,7 @@ class Timings:
         self.add(name, time.perf_counter() - start, note=note)
 
     def repeat(self, name, call, budget=0.1, note=""):
-        """Record the median wall time of ``call()`` over 3 or more runs after one that is not counted.
+        """Record the median wall time of ``call()`` over 3 or more runs, after one not counted.
 
         budget: seconds after which no further run is begun.  Returns the result of the last run.
         """
@@ -63,12 +65,8 @@ class Timings:
 
 def write_csv(path, columns, rows):
     """Write ``rows`` (sequences, or mappings by column) under ``columns``; whole or not at all."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + f".{os.getpid()}.part")
-    with partial.open("w", newline="", encoding="utf-8") as file:
+    with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
         for row in rows:
             writer.writerow([row[c] for c in columns] if isinstance(row, dict) else row)
-    os.replace(partial, path)

@@ -1,12 +1,11 @@
 """Writing result files: names checked against the schema, the same input to the same bytes."""
 
 import json
-import os
-from pathlib import Path
 
 import numpy as np
 
 import knitsim
+from knitsim.files import replacing
 from knitsim.provenance import source_hash
 from knitsim.store.schema import (
     CONVENTIONS,
@@ -77,11 +76,5 @@ def write(dataset, path):
                 own |= {"significant_digits": SHAPE_DIGITS, "quantize_mode": "GranularBitRound"}
         # A new variable: attributes of the caller's dataset stay as they are.
         dataset[name] = dataset[name].assign_attrs({**variable.attrs, **attributes})
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + f".{os.getpid()}.part")
-    try:
+    with replacing(path) as partial:
         dataset.to_netcdf(partial, engine="netcdf4", encoding=encoding)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)

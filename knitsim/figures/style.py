@@ -1,0 +1,121 @@
+"""The look of every figure, and how it is written: same data, same bytes.
+
+Draw inside ``with style.context():`` on a figure from :func:`figure`; nothing here touches
+matplotlib's pyplot or its global settings.
+"""
+
+import io
+from pathlib import Path
+
+import matplotlib
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from knitsim.errors import InputError
+from knitsim.files import replacing
+from knitsim.units import INCH, to_si
+
+DPI = 150
+COLUMN_MM, PAGE_MM = 88.0, 180.0  # widths of a journal's column and page
+
+# Okabe and Ito's colours, told apart by colour-blind readers and in print.
+BLACK, GREY = "#000000", "#7F7F7F"
+ORANGE, SKY, GREEN, YELLOW = "#E69F00", "#56B4E9", "#009E73", "#F0E442"
+BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
+
+# What a colour means, the same in all figures.
+COLOURS = {
+    "kinematic": BLUE,
+    "equilibrium": VERMILION,
+    "printed": PURPLE,
+    "corrected": GREEN,
+    "measured": BLACK,
+    "exact": BLACK,
+    "course": SKY,
+    "wale": ORANGE,
+    "other": GREY,
+}
+LINES = {"loading": "-", "recovery": "--"}
+
+# Colours of drawn yarns: undyed cotton, indigo and madder.
+YARN_COLOURS = {"pale": "#EFEAE0", "dark": "#56699C", "marked": "#C8553D"}
+
+TENSION_MAP = "viridis"  # for values along a yarn
+
+RC = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib, so the same everywhere
+    "mathtext.fontset": "dejavusans",
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.0,
+    "legend.frameon": False,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.direction": "out",
+    "ytick.direction": "out",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": False,
+    "axes.axisbelow": True,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.4,
+    "lines.markersize": 4.0,
+    "axes.prop_cycle": matplotlib.cycler(
+        color=[BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK]
+    ),
+    "image.cmap": TENSION_MAP,
+    "figure.dpi": DPI,
+    "savefig.dpi": DPI,
+    "figure.constrained_layout.use": True,
+    "figure.facecolor": "white",
+    "svg.hashsalt": "knitsim",
+    "svg.fonttype": "path",
+    "path.simplify": True,
+}
+
+
+def context():
+    """Context manager in which figures look like knitsim's; matplotlib is as before after it."""
+    return matplotlib.rc_context({**matplotlib.rcParamsDefault, **RC, "backend": "agg"})
+
+
+def figure(width_mm=PAGE_MM, height_mm=80.0, rows=1, columns=1, **options):
+    """A figure and its axes (rows, columns), always a two-dimensional array.
+
+    options go to ``Figure.subplots`` (``sharex``, ``width_ratios``, ...).  Call it, and draw,
+    within :func:`context`.
+    """
+    for name, value in (("width_mm", width_mm), ("height_mm", height_mm)):
+        if not value > 0:
+            raise InputError(name, value, "must be above 0")
+    fig = Figure(figsize=[to_si(value, "mm") / INCH for value in (width_mm, height_mm)])
+    FigureCanvasAgg(fig)
+    return fig, fig.subplots(rows, columns, squeeze=False, **options)
+
+
+def save(fig, path_stem):
+    """Write fig as ``path_stem.png`` and ``path_stem.svg``; returns both paths.
+
+    Each appears whole or not at all, and holds no time and no version.  Missing directories are
+    made.  A dot in the stem stays part of the name.
+    """
+    stem = Path(path_stem)
+    paths = []
+    with context():
+        for suffix, metadata in (
+            (".png", {"Software": None}),
+            (".svg", {"Date": None, "Creator": None}),
+        ):
+            content = io.BytesIO()
+            fig.savefig(content, format=suffix[1:], dpi=DPI, metadata=metadata)
+            path = stem.with_name(stem.name + suffix)
+            with replacing(path) as partial:
+                partial.write_bytes(content.getvalue())
+            paths.append(path)
+    return tuple(paths)

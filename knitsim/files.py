@@ -1,0 +1,21 @@
+"""Writing files whole or not at all, so that a killed run leaves no half-written result."""
+
+import os
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def replacing(path):
+    """Yield a temporary path beside ``path``; what is written there replaces ``path`` at the end.
+
+    On an exception nothing is left behind and ``path`` is as before.  Missing directories are made.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        yield partial
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,215 @@
+"""The yarn: its tension law, given or calibrated, its fibres, and the simulated tensile test."""
+
+import math
+
+import numpy as np
+import xarray as xr
+
+from knitsim.configuration.schema import closure
+from knitsim.stages.laws import (
+    FORMS,
+    calibration_of,
+    law_variables,
+    laws_of,
+    ledger_laws,
+    stated_law,
+)
+from knitsim.stages.ledger import effect_dataset
+from knitsim.store.schema import PHASES
+from knitsim.store.tensile import stack_variants
+from knitsim.store.timing import Timings
+from knitsim.store.writer import describe
+from knitsim.yarn.law import TensionLaw
+from knitsim.yarn.packing import pack
+from knitsim.yarn.section import (
+    SimulatedYarn,
+    fibre_path,
+    section_springs,
+    tangent_stiffness,
+    tensile_test,
+)
+
+STAGE = "yarn"
+FIBRE_PATH_SECTIONS = 9
+
+
+def layout_of(yarn):
+    """FibreLayout of a YarnInput; fibres are round and solid."""
+    fibre = math.sqrt(4.0 * yarn["linear_density"] / (yarn["fibres"] * math.pi * yarn["density"]))
+    return pack(yarn["fibres"], yarn["diameter"], fibre, where=yarn.where("fibres")[: -len(".fibres")])
+
+
+def signed_twist(yarn):
+    """Turns per metre, positive for Z."""
+    return yarn["twist"] if yarn["twist_direction"] == "Z" else -yarn["twist"]
+
+
+def simulated_yarn(yarn, law, layout, reading):
+    """SimulatedYarn in one reading of the paper, or None if the law has no such reading.
+
+    ``corrected``: k1 and k2 are the elastic and the post-yield stiffness of a filament.  ``printed``:
+    as section 2 of the paper names them, k1 the tension spring and k2 the bending spring, and twist
+    by eq (1) as printed.
+    """
+    common = {
+        "layout": layout,
+        "spacing": yarn["section_spacing"],
+        "twist": signed_twist(yarn),
+        "section_stiffness": yarn["section_stiffness"],
+        "where": yarn.where("fibres")[: -len(".fibres")],
+    }
+    fibre_law = law.scaled(1.0 / layout.fibres)
+    if reading == "corrected":
+        second_moment = math.pi * layout.fibre_diameter**4 / 64.0
+        return SimulatedYarn(
+            law=fibre_law, bending_rigidity=yarn["fibre_modulus"] * second_moment, **common
+        )
+    if not (fibre_law.plastic and fibre_law.strain.size == 3):
+        return None
+    k1, k2 = np.diff(fibre_law.tension) / np.diff(fibre_law.strain)
+    end = fibre_law.breaking_strain
+    return SimulatedYarn(
+        law=TensionLaw([0.0, end], [0.0, k1 * end], end), bending_constant=k2,
+        twist_form="printed", **common,
+    )  # fmt: skip
+
+
+def _run_test(yarn, law, layout, reading, test):
+    simulated = simulated_yarn(yarn, law, layout, reading)
+    if simulated is None:
+        return None
+    return tensile_test(
+        simulated, test["max_strain"], test["steps"], test["velocity"], test["gauge_length"],
+        test["viscous_coefficient"], test["recovery"],
+    )  # fmt: skip
+
+
+def _test_dataset(result):
+    return xr.Dataset(
+        {
+            "yarn_tension": ("step", result.tension),
+            "friction_force": ("step", result.friction),
+            "stretch_energy": ("step", result.stretch_energy),
+            "bend_energy": ("step", result.bending_energy),
+            "section_energy": ("step", result.section_energy),
+            "plastic_dissipated": ("step", result.plastic_energy),
+            "friction_dissipated": ("step", result.friction_energy),
+            "work_per_length": ("step", result.work),
+            "mean_radius_ratio": ("step", result.radius_ratio),
+            "status": ("step", result.beyond_break.astype(np.int8)),
+            "iterations": ("step", result.iterations),
+            "time": ("step", result.time),
+        },
+        {
+            "strain": ("step", result.strain),
+            "step": np.arange(result.strain.size),
+            "phase": ("step", np.array(PHASES)[(~result.loading).astype(int)]),
+        },
+    )
+
+
+def _calibration_variables(calibration, stated):
+    names = list(calibration.estimates)
+    found = calibration.estimates.values()
+    known = {}
+    if stated is not None and calibration.kind == "bilinear":
+        slopes = np.diff(stated.tension) / np.diff(stated.strain)
+        known = {"k1": slopes[0], "k2": slopes[1], "yield_strain": stated.strain[1]}
+    elif stated is not None:
+        slopes = np.diff(stated.tension) / np.diff(stated.strain)
+        known = {"k_low": slopes[0], "k_high": slopes[1], "switch_strain": stated.strain[1]}
+        known["offset"] = (slopes[1] - slopes[0]) * stated.strain[1]
+    data = {
+        "curve_tension": ("sample", calibration.force),
+        "curve_strain": ("sample", calibration.strain),
+        "fitted_tension": ("sample", calibration.fitted),
+        "fitted_value": ("parameter", [e.value for e in found]),
+        "fitted_interval": (("parameter", "bound"), [(e.low, e.high) for e in found]),
+        "stated_value": ("parameter", [known.get(name, np.nan) for name in names]),
+        "fit_rms": calibration.rms_deviation,
+        "fit_largest": calibration.max_deviation,
+        "fit_r_squared": calibration.r_squared,
+    }
+    coords = {
+        "sample": np.arange(calibration.strain.size),
+        "parameter": names,
+        "parameter_units": ("parameter", [e.unit for e in found]),
+        "parameter_note": ("parameter", [e.note for e in found]),
+        "bound": ["low", "high"],
+    }
+    return data, coords
+
+
+def headlines(yarn):
+    """{name: (value, units)} of the yarn's results that the ledger follows."""
+    layout = layout_of(yarn)
+    law = ledger_laws(yarn)["continuous"]
+    simulated = simulated_yarn(yarn, law, layout, "corrected")
+    found = {"yarn_stiffness": (tangent_stiffness(simulated), "N")}
+    test = yarn.scene["tensile_test"]
+    if test is not None:
+        # Fewer steps than the test itself: these values do not depend on their number.
+        result = _run_test(yarn, law, layout, "corrected", {**test, "steps": 10})
+        top = int(np.argmax(result.strain))
+        found["yarn_tension_at_largest_strain"] = (result.tension[top], "N")
+        found["residual_strain"] = (result.residual_strain, "1")
+    return found
+
+
+def run(yarn):
+    """(dataset, timings) of a YarnInput."""
+    timings = Timings(STAGE, yarn.name)
+    with timings.measure("calibration"):
+        calibration = calibration_of(yarn)
+    laws = laws_of(yarn, calibration)
+    layout = layout_of(yarn)
+    test = yarn.scene["tensile_test"]
+    readings = test["readings"] if test is not None else ()
+    results = {}
+    for reading in readings:
+        with timings.measure(f"simulated tensile test, {reading}"):
+            result = _run_test(yarn, laws["continuous"], layout, reading, test)
+        if result is not None:
+            results[reading] = _test_dataset(result)
+    path = [
+        fibre_path(layout, yarn["section_spacing"], signed_twist(yarn), FIBRE_PATH_SECTIONS, form)
+        for form in ("corrected", "printed")
+    ]
+    data = {
+        **law_variables(laws),
+        "linear_density": yarn["linear_density"],
+        "diameter": layout.diameter,
+        "fibre_diameter": layout.fibre_diameter,
+        "twist": signed_twist(yarn),
+        "section_spacing": yarn["section_spacing"],
+        "fibre_position": (("fibre", "section_axis"), layout.positions),
+        "fibre_path": (("twist_form", "section", "fibre", "yarn_axis"), np.array(path)),
+        "section_edge": (("edge", "end"), section_springs(layout.positions)),
+    }
+    coords = {
+        "form": list(FORMS),
+        "twist_form": ["corrected", "printed"],
+        "fibre": np.arange(layout.fibres),
+        "section_axis": ["x", "y"],
+        "yarn_axis": ["x", "y", "z"],
+        "section": np.arange(FIBRE_PATH_SECTIONS),
+    }
+    if calibration is not None:
+        more, labels = _calibration_variables(calibration, stated_law(yarn))
+        data, coords = data | more, coords | labels
+    dataset = xr.Dataset(data, coords)
+    if results:
+        dataset = xr.merge([dataset, stack_variants(results)])
+    with timings.measure("effect of the assumptions"):
+        dataset = xr.merge([dataset, effect_dataset(yarn, closure(STAGE), headlines)])
+    if calibration is not None:
+        dataset.attrs["calibration"] = calibration.statement
+        dataset.attrs["calibration_source"] = calibration.source
+    config = yarn.config(STAGE)
+    describe(
+        dataset, title=f"Yarn {yarn.name}",
+        summary="Tension law, fibre layout and simulated tensile test of the yarn.",
+        references=("paper", "hearle", "vogel"), configuration=config,
+        assumptions=config["assumed"], modules=["knitsim.stages.yarn"],
+    )  # fmt: skip
+    return dataset, timings
