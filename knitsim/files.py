@@ -19,3 +19,9 @@ def replacing(path):
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def cache_root():
+    """Directory of what may be thrown away: compiled kernels, and which studies were checked."""
+    own = os.environ.get("KNITSIM_CACHE_DIR")
+    return Path(own or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "knitsim")

@@ -8,18 +8,13 @@ runs.
 """
 
 import functools
-import os
-from pathlib import Path
 
 import numba
 
+from knitsim.files import cache_root
 from knitsim.provenance import kernel_hash
 
-CACHE_ROOT = Path(
-    os.environ.get("KNITSIM_CACHE_DIR")
-    or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "knitsim"
-)
-CACHE_DIR = CACHE_ROOT / f"numba-{kernel_hash()}"
+CACHE_DIR = cache_root() / f"numba-{kernel_hash()}"
 numba.config.CACHE_DIR = str(CACHE_DIR)
 
 # No fastmath: it would let a NaN pass the checks that must catch it.

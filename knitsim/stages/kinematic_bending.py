@@ -1,5 +1,7 @@
 """The paper's pure bending of a fabric, corrected and as printed."""
 
+from functools import partial
+
 import numpy as np
 
 from knitsim.configuration.schema import closure
@@ -57,18 +59,15 @@ def _dataset(loop, curve, fabric, store):
     return dataset
 
 
-def headlines(fabric):
+def headlines(fabric, direction):
     """{name: (value, units)} of the corrected form that the ledger follows."""
-    loop = loop_of(fabric)
     law = ledger_laws(fabric.yarn)["continuous"]
-    test = fabric.scene["kinematic_bending"]
-    found = {}
-    for direction in test["directions"]:
-        curve = _curve(loop, law, test, direction, "corrected")
-        largest = int(np.argmax(np.abs(curve.moment_per_width)))
-        found[f"{direction}: largest moment per width"] = (curve.moment_per_width[largest], "N")
-        found[f"{direction}: largest yarn strain"] = (curve.yarn_strain.max(), "1")
-    return found
+    curve = _curve(loop_of(fabric), law, fabric.scene[STAGE], direction, "corrected")
+    largest = int(np.argmax(np.abs(curve.moment_per_width)))
+    return {
+        "largest moment per width": (curve.moment_per_width[largest], "N"),
+        "largest yarn strain": (curve.yarn_strain.max(), "1"),
+    }
 
 
 def _time(timings, loop, law, test, direction, fabric):
@@ -86,34 +85,31 @@ def _time(timings, loop, law, test, direction, fabric):
     )
 
 
-def run(fabric, laws):
-    """({direction: dataset}, timings) of a FabricInput; laws: TensionLaw by form (stages.laws)."""
+def run(fabric, laws, direction):
+    """(dataset, timings) of a FabricInput bent in one direction; laws: TensionLaw by form."""
     timings = Timings(STAGE, fabric.name)
-    test = fabric.scene["kinematic_bending"]
+    test = fabric.scene[STAGE]
     loop = loop_of(fabric)
+    law = laws["continuous"]
+    with timings.measure(f"{direction}: all readings, all steps"):
+        forms = {
+            form: _dataset(
+                loop, _curve(loop, law, test, direction, form), fabric, test["store"]
+            )
+            for form in test["readings"]
+        }  # fmt: skip
+    with timings.measure(f"{direction}: effect of the assumptions"):
+        effects = effect_dataset(fabric, closure(STAGE), partial(headlines, direction=direction))
+    dataset = stack_variants(forms).merge(effects)
+    spacing = loop.wale_spacing if direction == "course" else loop.course_spacing
+    dataset["model_length"] = test["loops"] * spacing
+    dataset["diameter"] = loop.diameter
     config = fabric.config(STAGE)
-    with timings.measure("effect of the assumptions"):
-        effects = effect_dataset(fabric, closure(STAGE), headlines)
-    datasets = {}
-    for direction in test["directions"]:
-        with timings.measure(f"{direction}: all readings, all steps"):
-            forms = {
-                form: _dataset(
-                    loop, _curve(loop, laws["continuous"], test, direction, form), fabric,
-                    test["store"],
-                )
-                for form in test["readings"]
-            }  # fmt: skip
-            dataset = stack_variants(forms).merge(effects)
-        dataset["model_length"] = test["loops"] * (
-            loop.wale_spacing if direction == "course" else loop.course_spacing
-        )
-        dataset["diameter"] = loop.diameter
-        datasets[direction] = describe(
-            dataset, title=f"Kinematic bending of {fabric.name}, {direction} direction curved",
-            summary="The paper's eqs (6) to (11), as printed and corrected.",
-            references=("paper",), configuration=config, assumptions=config["assumed"],
-            modules=["knitsim.stages.kinematic_bending"],
-        )  # fmt: skip
-        _time(timings, loop, laws["continuous"], test, direction, fabric)
-    return datasets, timings
+    describe(
+        dataset, title=f"Kinematic bending of {fabric.name}, {direction} direction curved",
+        summary="The paper's eqs (6) to (11), as printed and corrected.",
+        references=("paper",), configuration=config, assumptions=config["assumed"],
+        modules=["knitsim.stages.kinematic_bending"],
+    )  # fmt: skip
+    _time(timings, loop, law, test, direction, fabric)
+    return dataset, timings

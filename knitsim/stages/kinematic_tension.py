@@ -1,9 +1,11 @@
 """The paper's tensile test of a fabric, in every reading that its scene names."""
 
+from functools import partial
+
 import numpy as np
 
 from knitsim.configuration.schema import closure
-from knitsim.kinematic.tension import Reading, deformed_points, fibre_points, tensile_test
+from knitsim.kinematic.tension import Reading, deformed_points, fibre_points, loop_height, tensile_test
 from knitsim.loop.lattice import smallest_distance
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
@@ -11,7 +13,7 @@ from knitsim.stages.loop import loop_of
 from knitsim.stages.yarn import layout_of, signed_twist
 from knitsim.store.tensile import stack_variants, test_dataset
 from knitsim.store.timing import Timings
-from knitsim.store.writer import describe
+from knitsim.store.writer import describe, to_json
 
 STAGE = "kinematic_tension"
 # The state of the art that the paper's run time is compared with: 200 steps, 72 fibres, 100 sections.
@@ -71,24 +73,20 @@ def _dataset(loop, curve, fabric, store):
     return dataset
 
 
-def headlines(fabric):
+def headlines(fabric, direction):
     """{name: (value, units)} of the reference reading that the ledger follows."""
     loop = loop_of(fabric)
-    laws = ledger_laws(fabric.yarn)
     test = fabric.scene["kinematic_tension"]
     choice = next(iter(test["variants"].values()))
-    found = {}
-    for direction in test["directions"]:
-        curve = _curve(loop, laws, test, direction, choice)
-        top = int(np.argmax(curve.strain))
-        loaded = curve.yarn_tension[: top + 1] > 0
-        onset = curve.strain[np.argmax(loaded)] if loaded.any() else np.nan
-        found[f"{direction}: strain where the yarn takes up load"] = (onset, "1")
-        found[f"{direction}: force per width at largest strain"] = (
-            curve.force_per_width[top], "N m-1"
-        )  # fmt: skip
-        found[f"{direction}: yarn tension at largest strain"] = (curve.yarn_tension[top], "N")
-    return found
+    curve = _curve(loop, ledger_laws(fabric.yarn), test, direction, choice)
+    top = int(np.argmax(curve.strain))
+    loaded = curve.yarn_tension[: top + 1] > 0
+    onset = curve.strain[np.argmax(loaded)] if loaded.any() else np.nan
+    return {
+        "strain where the yarn takes up load": (onset, "1"),
+        "force per width at largest strain": (curve.force_per_width[top], "N m-1"),
+        "yarn tension at largest strain": (curve.yarn_tension[top], "N"),
+    }
 
 
 def _time(timings, loop, laws, test, direction, fabric):
@@ -111,33 +109,30 @@ def _time(timings, loop, laws, test, direction, fabric):
     )  # fmt: skip
 
 
-def run(fabric, laws):
-    """({direction: dataset}, timings) of a FabricInput; laws: TensionLaw by form (stages.laws)."""
+def run(fabric, laws, direction):
+    """(dataset, timings) of a FabricInput pulled in one direction; laws: TensionLaw by form."""
     timings = Timings(STAGE, fabric.name)
-    test = fabric.scene["kinematic_tension"]
+    test = fabric.scene[STAGE]
     loop = loop_of(fabric)
+    readings = {}
+    with timings.measure(f"{direction}: all readings, all steps, loading and recovery"):
+        for name, choice in test["variants"].items():
+            if direction == "wale" and choice["limit"] == "course_spacing":
+                continue  # the paper gives this limit course-wise only
+            curve = _curve(loop, laws, test, direction, choice)
+            readings[name] = _dataset(loop, curve, fabric, test["store"])
+    with timings.measure(f"{direction}: effect of the assumptions"):
+        effects = effect_dataset(fabric, closure(STAGE), partial(headlines, direction=direction))
+    dataset = stack_variants(readings).merge(effects)
+    dataset["diameter"] = loop.diameter
+    dataset["loop_height"] = loop_height(loop)
+    dataset.attrs["readings"] = to_json({name: test["variants"][name] for name in readings})
     config = fabric.config(STAGE)
-    with timings.measure("effect of the assumptions"):
-        effects = effect_dataset(fabric, closure(STAGE), headlines)
-    datasets = {}
-    for direction in test["directions"]:
-        with timings.measure(f"{direction}: all readings, all steps, loading and recovery"):
-            readings = {}
-            for name, choice in test["variants"].items():
-                if direction == "wale" and choice["limit"] == "course_spacing":
-                    continue  # the paper gives this limit course-wise only
-                curve = _curve(loop, laws, test, direction, choice)
-                readings[name] = _dataset(loop, curve, fabric, test["store"])
-            dataset = stack_variants(readings).merge(effects)
-        dataset.attrs["readings"] = "; ".join(
-            f"{name}: " + ", ".join(f"{k} {v}" for k, v in test["variants"][name].items())
-            for name in readings
-        )
-        datasets[direction] = describe(
-            dataset, title=f"Kinematic tensile test of {fabric.name}, {direction} direction",
-            summary="The paper's eqs (4), (5), as printed and corrected, loading and recovery.",
-            references=("paper",), configuration=config, assumptions=config["assumed"],
-            modules=["knitsim.stages.kinematic_tension"],
-        )  # fmt: skip
-        _time(timings, loop, laws, test, direction, fabric)
-    return datasets, timings
+    describe(
+        dataset, title=f"Kinematic tensile test of {fabric.name}, {direction} direction",
+        summary="The paper's eqs (4), (5), as printed and corrected, loading and recovery.",
+        references=("paper",), configuration=config, assumptions=config["assumed"],
+        modules=["knitsim.stages.kinematic_tension"],
+    )  # fmt: skip
+    _time(timings, loop, laws, test, direction, fabric)
+    return dataset, timings

@@ -1,0 +1,18 @@
+"""The paper, end to end: yarn, loop, fabric tests, figures and tables.  See README.md.
+
+    snakemake -c2                          everything, into results/
+    snakemake -c2 --config study=DIR       with the yarns, fabrics and scenes of another directory
+"""
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/yarn.smk"
+include: "workflow/rules/fabric.smk"
+include: "workflow/rules/output.smk"
+
+
+rule all:
+    default_target: True
+    input:
+        yarn_files(),
+        fabric_files(),
+        output_files(),

@@ -1,0 +1,56 @@
+"""Compile the kernels of one part of the workflow, by running that part on a small study.
+
+Two cold jobs side by side would both compile; after this one every job finds compiled kernels.
+"""
+
+import time
+
+import numpy as np
+
+from knitsim.store.timing import Timings
+
+PARTS = ("yarn", "fabric", "figures")
+
+
+def _yarn(study):
+    from knitsim.stages import yarn
+
+    for one in study.yarns.values():
+        yarn.run(one)
+
+
+def _fabric(study):
+    from knitsim.stages import kinematic_bending, kinematic_tension, loop
+    from knitsim.stages.laws import laws_of
+
+    for fabric in study.fabrics.values():
+        loop.run(fabric)
+        laws = laws_of(fabric.yarn, None)
+        for direction in ("course", "wale"):
+            kinematic_tension.run(fabric, laws, direction)
+            kinematic_bending.run(fabric, laws, direction)
+
+
+def _figures(study):
+    from knitsim.figures.tubes import render_tubes
+
+    render_tubes([np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0]])], 1e-4, "#808080", pixel=2e-5)
+
+
+def run(part, study):
+    """Timings of ``part`` (one of PARTS) on a small Study: the first run, and what of it was set-up.
+
+    Set-up is compilation, or loading compiled kernels where an earlier run has left them.
+    """
+    from knitsim.jit import CACHE_DIR
+
+    timings = Timings("compile", part)
+    cached = CACHE_DIR.exists() and any(CACHE_DIR.iterdir())
+    seconds = []
+    for _ in range(2):
+        start = time.perf_counter()
+        {"yarn": _yarn, "fabric": _fabric, "figures": _figures}[part](study)
+        seconds.append(time.perf_counter() - start)
+    note = "kernels loaded or compiled" if cached else "kernels compiled"
+    timings.add("set-up of the kernels", seconds[0] - seconds[1], note=note)
+    return timings

@@ -1,0 +1,21 @@
+# Yarn: calibration of the tension law, fibres, simulated tensile test.
+
+
+rule yarn:
+    input:
+        ready=compiled("yarn"),
+        curve=lambda wildcards: STUDY.yarns[wildcards.yarn].curve_path or [],
+    output:
+        result=results("yarn/{yarn}.nc"),
+        timings=timings_of("yarn_{yarn}"),
+    log:
+        log_of("yarn_{yarn}"),
+    params:
+        inputs=lambda wildcards: inputs_of("yarns", wildcards.yarn, "yarn"),
+        source=source_hash("knitsim.stages.yarn"),
+    script:
+        "../scripts/yarn.py"
+
+
+def yarn_files():
+    return expand(rules.yarn.output.result, yarn=STUDY.yarns)
