@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from conftest import COTTON
+
 from knitsim.errors import InputError
 from knitsim.kinematic.bending import (
     bending_test,

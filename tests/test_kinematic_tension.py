@@ -1,11 +1,13 @@
 """The paper's tensile test: lengths, contraction, virtual work and positions."""
 
+import itertools
+
 import numpy as np
 import pytest
+from conftest import COTTON
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from conftest import COTTON
 from knitsim.errors import InputError
 from knitsim.kinematic.tension import (
     Reading,
@@ -28,7 +30,7 @@ def naive_length(loop, along, across):
     knots = loop.spline.knots
     return sum(
         quad(speed, a, b, epsabs=1e-15, epsrel=1e-12)[0]
-        for a, b in zip(knots, knots[1:], strict=False)
+        for a, b in itertools.pairwise(knots)
     )
 
 

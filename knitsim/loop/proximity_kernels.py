@@ -125,9 +125,10 @@ def read_crossings(pairs, count, segments, head, reading):
                 continue
             # Leave out both, and the same two as the neighbour reads them.
             kept = 0
+            opposite = -reading[n, 2]
             for q in range(total):
                 out = q == n or q == p
-                if reading[q, 2] == -reading[n, 2]:
+                if reading[q, 2] == opposite:
                     for end in (low, high):
                         away = (reading[q, 0] - end) / segments
                         if abs(away - round(away)) * segments < 1e-6:

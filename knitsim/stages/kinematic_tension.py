@@ -5,7 +5,13 @@ from functools import partial
 import numpy as np
 
 from knitsim.configuration.schema import closure
-from knitsim.kinematic.tension import Reading, deformed_points, fibre_points, loop_height, tensile_test
+from knitsim.kinematic.tension import (
+    Reading,
+    deformed_points,
+    fibre_points,
+    loop_height,
+    tensile_test,
+)
 from knitsim.loop.lattice import smallest_distance
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
@@ -82,7 +88,10 @@ def headlines(fabric, direction):
     top = int(np.argmax(curve.strain))
     loaded = curve.yarn_tension[: top + 1] > 0
     onset = curve.strain[np.argmax(loaded)] if loaded.any() else np.nan
+    broken = curve.beyond_breaking_strain[: top + 1]
+    at_break = curve.strain[np.argmax(broken)] if broken.any() else np.nan
     return {
+        "strain where the yarn breaks": (at_break, "1"),
         "strain where the yarn takes up load": (onset, "1"),
         "force per width at largest strain": (curve.force_per_width[top], "N m-1"),
         "yarn tension at largest strain": (curve.yarn_tension[top], "N"),

@@ -28,7 +28,9 @@ def effect_dataset(resolved, stages, headlines):
     base = np.array([value for value, _ in stated.values()], dtype=float)
     labels, ranges, effects, refused = [], [], [], []
     for row, value in alternatives(resolved, stages):
-        labels.append(f"{row.path}={value:g}" if isinstance(value, float) else f"{row.path}={value}")
+        labels.append(
+            f"{row.path}={value:g}" if isinstance(value, float) else f"{row.path}={value}"
+        )
         ranges.append((row.key, f"{row.value}", f"{value}"))
         try:
             found = headlines(resolved.with_value(row.path, value))
@@ -37,7 +39,9 @@ def effect_dataset(resolved, stages, headlines):
             refused.append(str(error))
             continue
         with np.errstate(divide="ignore", invalid="ignore"):
-            effects.append((np.array([v for v, _ in found.values()], dtype=float) - base) / abs(base))
+            effects.append(
+                (np.array([v for v, _ in found.values()], dtype=float) - base) / abs(base)
+            )
         refused.append("")
     shape = (len(labels), base.size)
     return xr.Dataset(

@@ -36,7 +36,9 @@ FIBRE_PATH_SECTIONS = 9
 def layout_of(yarn):
     """FibreLayout of a YarnInput; fibres are round and solid."""
     fibre = math.sqrt(4.0 * yarn["linear_density"] / (yarn["fibres"] * math.pi * yarn["density"]))
-    return pack(yarn["fibres"], yarn["diameter"], fibre, where=yarn.where("fibres")[: -len(".fibres")])
+    return pack(
+        yarn["fibres"], yarn["diameter"], fibre, where=yarn.where("fibres")[: -len(".fibres")]
+    )
 
 
 def signed_twist(yarn):
@@ -74,10 +76,7 @@ def simulated_yarn(yarn, law, layout, reading):
     )  # fmt: skip
 
 
-def _run_test(yarn, law, layout, reading, test):
-    simulated = simulated_yarn(yarn, law, layout, reading)
-    if simulated is None:
-        return None
+def _run_test(simulated, test):
     return tensile_test(
         simulated, test["max_strain"], test["steps"], test["velocity"], test["gauge_length"],
         test["viscous_coefficient"], test["recovery"],
@@ -149,7 +148,7 @@ def headlines(yarn):
     test = yarn.scene["tensile_test"]
     if test is not None:
         # Fewer steps than the test itself: these values do not depend on their number.
-        result = _run_test(yarn, law, layout, "corrected", {**test, "steps": 10})
+        result = _run_test(simulated, {**test, "steps": 10})
         top = int(np.argmax(result.strain))
         found["yarn_tension_at_largest_strain"] = (result.tension[top], "N")
         found["residual_strain"] = (result.residual_strain, "1")
@@ -167,10 +166,11 @@ def run(yarn):
     readings = test["readings"] if test is not None else ()
     results = {}
     for reading in readings:
+        simulated = simulated_yarn(yarn, laws["continuous"], layout, reading)
+        if simulated is None:
+            continue  # only a law of two constants, k1 and k2, has a printed reading
         with timings.measure(f"simulated tensile test, {reading}"):
-            result = _run_test(yarn, laws["continuous"], layout, reading, test)
-        if result is not None:
-            results[reading] = _test_dataset(result)
+            results[reading] = _test_dataset(_run_test(simulated, test))
     path = [
         fibre_path(layout, yarn["section_spacing"], signed_twist(yarn), FIBRE_PATH_SECTIONS, form)
         for form in ("corrected", "printed")

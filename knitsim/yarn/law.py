@@ -18,9 +18,9 @@ class TensionLaw:
     """Piecewise-linear N(strain) through given vertices.
 
     strain, tension: shape (m,), m >= 2, starting at (0, 0).  A strain that stands twice is a jump,
-    and the value below it holds at the jump.  Below 0 the first slope goes on, above the last vertex
+    and the value below it holds there.  Below 0 the first slope goes on, above the last vertex
     the last slope.  breaking_strain (1): states beyond it are marked, not refused.  plastic: after
-    loading, unload along the first slope (post-yield strain stays); otherwise the law is reversible.
+    loading, unload along the first slope (post-yield strain stays); otherwise it is reversible.
 
     Raises InputError if the vertices are not a law (not finite, falling strain, no slope at 0).
     """
@@ -36,19 +36,23 @@ class TensionLaw:
         tension = np.array(self.tension, dtype=float)
         if strain.ndim != 1 or strain.shape != tension.shape or strain.size < 2:
             raise InputError(
-                "tension law", f"{strain.size} strains and {tension.size} tensions",
+                "tension law",
+                f"{strain.size} strains and {tension.size} tensions",
                 "must be two or more pairs of strain and tension",
             )
         if not (np.isfinite(strain).all() and np.isfinite(tension).all()):
             raise InputError("tension law", "nan or inf", "every strain and tension must be finite")
         if strain[0] != 0.0 or tension[0] != 0.0:
             raise InputError(
-                "tension law", f"({strain[0]:g}, {tension[0]:g} N)", "must start at strain 0, tension 0"
+                "tension law",
+                f"({strain[0]:g}, {tension[0]:g} N)",
+                "must start at strain 0, tension 0",
             )
         steps = np.diff(strain)
         if (steps < 0).any() or steps[0] == 0 or steps[-1] == 0:
             raise InputError(
-                "tension law strain", strain.tolist(),
+                "tension law strain",
+                strain.tolist(),
                 "must rise; only a jump inside the law may repeat a strain",
             )
         if ((steps[1:] == 0) & (steps[:-1] == 0)).any():
@@ -61,7 +65,9 @@ class TensionLaw:
             raise InputError("breaking strain", self.breaking_strain, "must be above 0")
         energy = np.concatenate([[0.0], np.cumsum(0.5 * (tension[1:] + tension[:-1]) * steps)])
         for name, value in (
-            ("strain", strain), ("tension", tension), ("energy_at_vertices", energy)
+            ("strain", strain),
+            ("tension", tension),
+            ("energy_at_vertices", energy),
         ):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
@@ -101,7 +107,9 @@ def bilinear(k1, k2, yield_strain, breaking_strain, plastic=True):
     """Slope k1 (N) up to the yield strain, k2 (N) from there to the breaking strain."""
     if not 0 < yield_strain < breaking_strain:
         raise InputError(
-            "yield strain", yield_strain, f"must be between 0 and the breaking strain {breaking_strain}"
+            "yield strain",
+            yield_strain,
+            f"must lie between 0 and the breaking strain {breaking_strain}",
         )
     at_yield = k1 * yield_strain
     return TensionLaw(
@@ -115,12 +123,13 @@ def bilinear(k1, k2, yield_strain, breaking_strain, plastic=True):
 def secant(low, high, offset, switch_strain, breaking_strain, continuous=True):
     """The paper's k3 kind: tension = low e up to the switch strain, high e - offset above (all N).
 
-    As printed the tension jumps at the switch strain.  ``continuous`` breaks where the two lines meet,
+    As printed the tension jumps at the switch strain; ``continuous`` breaks where the lines meet,
     at offset/(high - low).  Reversible.
     """
     if not (high > low > 0 and offset > 0):
         raise InputError(
-            "secant law", f"low {low:g} N, high {high:g} N, offset {offset:g} N",
+            "secant law",
+            f"low {low:g} N, high {high:g} N, offset {offset:g} N",
             "must have high above low above 0 and a positive offset",
         )
     crossing = offset / (high - low)

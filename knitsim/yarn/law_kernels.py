@@ -16,9 +16,6 @@ def segment_of(e, strain):
             high = middle
         else:
             low = middle + 1
-    # A jump has no width; the segment below it owns its strain, so it is never chosen inside.
-    if strain[low + 1] == strain[low] and low < strain.size - 2:
-        low += 1
     return low
 
 
@@ -43,7 +40,7 @@ def stiffness_at(e, strain, tension):
 
 @njit
 def energy_at(e, strain, tension, energy):
-    """Energy per reference length (N), the integral of the tension from 0; energy: at the vertices."""
+    """Energy per reference length (N), the integral of the tension; energy: at the vertices."""
     k = segment_of(e, strain)
     x = e - strain[k]
     return energy[k] + x * (tension[k] + 0.5 * slope_of(k, strain, tension) * x)

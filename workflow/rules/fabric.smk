@@ -1,6 +1,9 @@
 # Fabric: the loop, and the paper's tests on it.
 
 
+FABRIC_TESTS = ("kinematic_tension", "kinematic_bending")
+
+
 def yarn_of(wildcards):
     return results(f"yarn/{STUDY.fabrics[wildcards.fabric].yarn.name}.nc")
 
@@ -54,7 +57,7 @@ rule kinematic_bending:
 
 def fabric_files():
     files = expand(rules.loop.output.result, fabric=STUDY.fabrics)
-    for test in ("kinematic_tension", "kinematic_bending"):
+    for test in FABRIC_TESTS:
         for fabric in fabrics_with(test):
             files += expand(
                 getattr(rules, test).output.result,
