@@ -77,7 +77,7 @@ def test_one_section_is_enough_for_the_polyester():
 
 def test_bending_springs_as_stiff_as_tension_springs_let_sections_differ():
     # k2 as the bending spring on a true helix: pulled straighter than built, a fibre regains its
-    # angle by a zigzag, and bending of EI/h^2 near EA is worth it.  The uniform state is no minimum.
+    # angle by a zigzag, which pays where EI/h^2 is near EA.  The uniform state is no minimum.
     yarn = make_yarn(12, bending_constant=2.41, bending_rigidity=0.0)
     uniform = total_energy(solve_section(yarn, 0.02))
     lower = solve_many_sections(yarn, 0.02, sections=6).energy

@@ -161,7 +161,7 @@ YARN = Section(
         Key("section_stiffness_MPa", "section_stiffness", "number",
             "Stiffness, per length of yarn, of each spring that holds a section of the simulated "
             "yarn together.", unit="MPa", allowed="(0, 1e6]", default=100.0,
-            plausible=(10.0, 1000.0), stages=("yarn",),
+            plausible=(50.0, 1000.0), stages=("yarn",),
             because="not in the paper; between a loose bundle and the fibres' own transverse "
             "modulus"),
         Key("bending_rigidity_N_mm2", "bending_rigidity", "number", "Bending rigidity of the yarn.",

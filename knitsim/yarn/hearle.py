@@ -1,10 +1,10 @@
 """Closed forms of the twisted yarn: helix angles and Hearle's tangent stiffness at zero strain.
 
-J. W. S. Hearle, P. Grosberg, S. Backer, *Structural Mechanics of Fibers, Yarns, and Fabrics* (1969):
-the section stays rigid and fibres are stretched only.  A fibre at the angle alpha to the axis is
-strained by cos^2 alpha of the yarn's strain and passes on cos alpha of its tension.  So its share of
-the stiffness is EA cos^3 alpha; and as it takes up 1/cos alpha of its own area in the yarn's
-cross-section, cos^4 alpha of its modulus per area of yarn.
+J. W. S. Hearle, P. Grosberg, S. Backer, *Structural Mechanics of Fibers, Yarns, and Fabrics*
+(1969): the section stays rigid and fibres are stretched only.  A fibre at the angle alpha to the
+axis is strained by cos^2 alpha of the yarn's strain and passes on cos alpha of its tension.  So its
+share of the stiffness is EA cos^3 alpha; and as it takes up 1/cos alpha of its own area in the
+yarn's cross-section, cos^4 alpha of its modulus per area of yarn.
 """
 
 import math
@@ -13,7 +13,7 @@ import numpy as np
 
 
 def surface_angle(twist, diameter):
-    """Angle (rad) between the yarn axis and a fibre at the yarn's surface; twist: turns per metre."""
+    """Angle (rad) between the yarn axis and a fibre at its surface; twist: turns per metre."""
     return math.atan(math.pi * diameter * abs(twist))
 
 

@@ -4,12 +4,13 @@ Every point of every section moves in three directions.  The ends are images: th
 last is the image of the first, carried on by the length of all.  Springs are written out point by
 point, apart from the kernels of the one section, so that the two solutions check each other.
 
-A spring inside a section acts on the distance in the section and, just as stiffly, against its ends
-slipping past each other along the yarn.  (With a plain spring, fibres could slip at no cost and the
-compressed section of a pulled yarn would fold out of its plane.)  In the uniform yarn nothing slips.
+A spring inside a section acts on the distance in the section and, just as stiffly, against its
+ends slipping past each other along the yarn.  (With a plain spring, fibres could slip at no cost
+and the compressed section of a pulled yarn would fold out of its plane.)  In the uniform yarn
+nothing slips.
 
-The uniform yarn is the answer as long as bending springs are weak beside tension springs, EI/h^2 far
-below EA, as in any real fibre.  The paper's k2 as a bending spring is not: see the tests.
+The uniform yarn is the answer as long as bending springs are weak beside tension springs, EI/h^2
+far below EA, as in any real fibre.  The paper's k2 as a bending spring is not: see the tests.
 """
 
 import math
@@ -20,7 +21,7 @@ from scipy.sparse import coo_array, csc_array, eye_array
 from scipy.sparse.linalg import splu
 
 from knitsim.errors import ComputationError, InputError
-from knitsim.yarn.section import section_springs
+from knitsim.yarn.bracing import section_springs
 
 ITERATIONS = 100
 
@@ -43,7 +44,7 @@ class ManySections:
 
 
 def solve_many_sections(yarn, strain, sections=8, perturbation=0.02, seed=1):
-    """Equilibrium of ``yarn`` (SimulatedYarn) of ``sections`` sections, strained once to ``strain``.
+    """Equilibrium of ``yarn`` (SimulatedYarn), ``sections`` sections strained once to ``strain``.
 
     The start is the yarn as built with every coordinate moved by a random share, at most
     ``perturbation``, of the yarn's radius (random numbers from ``seed``).  Returns ManySections;
@@ -73,7 +74,7 @@ class _ManySections:
     """Energy, gradient and Hessian by y (sections, n, 3).
 
     y are the coordinates of a point in the frame of its section: section j stands at j S along the
-    axis and is turned by M^j, so that all sections look alike and the last is followed by the first.
+    axis and is turned by M^j, so that all sections look alike and the first follows the last.
     """
 
     def __init__(self, yarn, sections, strain):

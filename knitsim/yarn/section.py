@@ -1,10 +1,11 @@
 """The simulated yarn of the paper (section 2, Figs 1, 2), reduced to one of its sections.
 
-Sections of mass points, one a fibre, stand ``spacing`` apart along the axis.  Tension springs join a
-fibre's points in neighbouring sections, bending springs three successive ones, further springs hold
-the section together.  Twist, eq (1), makes each section the image M x of the one before; ends do not
-untwist.  As all sections of a uniform yarn are images of one, that one is solved: its unknowns are
-the in-section positions.  :mod:`knitsim.yarn.many_sections` shows that nothing is lost.
+Sections of mass points, one a fibre, stand ``spacing`` apart along the axis.  Tension springs join
+a fibre's points in neighbouring sections, bending springs three successive ones, further springs
+hold the section together.  Twist, eq (1), makes each section the image M x of the one before; ends
+do not untwist.  As all sections of a uniform yarn are images of one, that one is solved: its
+unknowns are the in-section positions.  :mod:`knitsim.yarn.many_sections` shows that nothing is
+lost.
 
 >>> from knitsim.yarn.law import bilinear
 >>> from knitsim.yarn.packing import pack
@@ -20,207 +21,34 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
-from scipy.spatial import Delaunay, QhullError
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from knitsim.errors import ComputationError, InputError
-from knitsim.yarn import hearle, section_kernels
-from knitsim.yarn.law import TensionLaw
-from knitsim.yarn.packing import FibreLayout, below, check_length
+from knitsim.yarn import section_kernels
+from knitsim.yarn.bracing import section_springs
+from knitsim.yarn.packing import check_length
 from knitsim.yarn.section_kernels import ANGLE, BEND, LARGEST, LENGTH
+from knitsim.yarn.simulated_yarn import SimulatedYarn, fibre_path, turn_matrix
 
-STEEPEST_ANGLE = math.radians(60.0)
-WIDEST_TURN = math.radians(45.0)
-# Of four fibres on one circle either pair of triangles will do; this slight stretch, at an angle that
-# no ring has, decides which, where rounding would otherwise.
-UNTIE = np.eye(2) + 1e-6 * np.array([[math.cos(1), math.sin(1)], [math.sin(1), -math.cos(1)]])
-FLATTEST = 1.5  # circumradius, in median edges, beyond which a triangle joins no neighbours
-
-
-@dataclass(frozen=True, eq=False)
-class SimulatedYarn:
-    """A uniform yarn of n fibres.
-
-    layout: its section as built.  law: tension law of one fibre; if plastic it must not stiffen.
-    spacing: between sections (m).  twist: turns per metre, positive Z (right-handed helix), negative
-    S.  twist_form: "corrected" turns each section by 2 pi twist spacing; "printed" is eq (1) as
-    printed, a reflection, which does not accumulate.
-    bending_rigidity: EI of a fibre (N m2), energy 1/2 (EI/h)(phi - phi_built)^2 at each of its
-    points, h its distance between sections.  bending_constant (N): adds a bending spring of this
-    constant times the spacing, the other reading of the paper's k2.
-    section_stiffness (Pa): of a spring inside the section, N/m per metre of yarn, so that the yarn
-    does not depend on the spacing; infinite: the section is rigid.
-
-    Raises InputError, with keys that start with ``where``.
-    """
-
-    layout: FibreLayout
-    law: TensionLaw
-    spacing: float
-    twist: float
-    twist_form: str = "corrected"
-    bending_rigidity: float = 0.0
-    bending_constant: float = 0.0
-    section_stiffness: float = math.inf
-    where: str = "yarn"
-
-    def __post_init__(self):
-        check_twist(self.twist, self.spacing, self.layout.diameter, self.twist_form, self.where)
-        for key in ("bending_rigidity", "bending_constant"):
-            value = getattr(self, key)
-            if not 0 <= value < math.inf:
-                raise InputError(f"{self.where}.{key}", value, "must be finite and not below 0")
-        if not self.section_stiffness > 0:
-            raise InputError(
-                f"{self.where}.section_stiffness",
-                self.section_stiffness,
-                "must be above 0 (infinite: a rigid section)",
-            )
-        slopes = np.diff(self.law.tension) / np.maximum(np.diff(self.law.strain), 1e-300)
-        if self.law.plastic and slopes.max() > slopes[0] * (1 + 1e-9):
-            raise InputError(
-                f"{self.where}.law",
-                f"slopes {slopes.tolist()} N",
-                "a plastic law must not stiffen: it unloads along its first slope",
-            )
-        if self.deformable and (np.diff(self.law.strain) == 0).any():
-            raise InputError(
-                f"{self.where}.law",
-                self.law.strain.tolist(),
-                "a law that jumps needs a rigid section: a fibre at a jump has no equilibrium",
-            )
-
-    @property
-    def turn(self):
-        """The matrix M (2, 2) that maps a section onto the next."""
-        return turn_matrix(self.twist, self.spacing, self.twist_form)
-
-    @property
-    def deformable(self):
-        """Whether there is a section to solve; if not, each fibre is evaluated by itself.
-
-        Nothing moves in a rigid section, without twist, or where all fibres lie on the axis.
-        """
-        across = (self.turn - np.eye(2)) @ self.layout.positions.T
-        return bool(math.isfinite(self.section_stiffness) and (across != 0).any())
-
-
-def check_twist(twist, spacing, diameter, form, where="yarn"):
-    """Raise InputError for a twist (turns/m) that cannot be built, or not at this spacing (m)."""
-    check_length(spacing, f"{where}.spacing")
-    if not math.isfinite(twist):
-        raise InputError(f"{where}.twist", twist, "must be finite")
-    if form not in ("corrected", "printed"):
-        raise InputError(f"{where}.twist_form", form, 'must be "corrected" or "printed"')
-    angle = hearle.surface_angle(twist, diameter)
-    if angle > STEEPEST_ANGLE:
-        raise InputError(
-            f"{where}.twist",
-            f"{twist:g} turns/m",
-            f"puts the surface fibres at {math.degrees(angle):.1f} deg to the axis, above 60; at "
-            f"most {below(hearle.twist_of(STEEPEST_ANGLE, diameter))} turns/m at this diameter",
-        )
-    turn = 2.0 * math.pi * abs(twist) * spacing
-    if turn > WIDEST_TURN * (1 + 1e-9):
-        most = WIDEST_TURN / (2.0 * math.pi * abs(twist))
-        raise InputError(
-            f"{where}.spacing",
-            f"{spacing * 1e3:g} mm",
-            f"a twist of {twist:g} turns/m turns {math.degrees(turn):.1f} deg per section; "
-            f"use at most {below(most * 1e3)} mm",
-        )
-
-
-def turn_matrix(twist, spacing, form="corrected"):
-    """Eq (1): the matrix (2, 2) from one section to the next.
-
-    Corrected it is a rotation; as printed, [[cos, sin], [sin, -cos]], a reflection, whose square is
-    the identity.
-    """
-    angle = 2.0 * math.pi * twist * spacing
-    cos, sin = math.cos(angle), math.sin(angle)
-    if form == "printed":
-        return np.array([[cos, sin], [sin, -cos]])
-    return np.array([[cos, -sin], [sin, cos]])
-
-
-def fibre_path(layout, spacing, twist, sections, twist_form="corrected"):
-    """Points of each fibre in successive sections (Figs 1, 2).
-
-    Returns (sections, n, 3) in m: the two directions of the section and the one along the yarn.
-    """
-    check_twist(twist, spacing, layout.diameter, twist_form, layout.where)
-    if not (sections == int(sections) and sections >= 1):
-        raise InputError("sections", sections, "must be a whole number above 0")
-    turn = turn_matrix(twist, spacing, twist_form)
-    points = np.empty((sections, layout.fibres, 3))
-    points[0, :, :2] = layout.positions
-    for j in range(1, sections):
-        points[j, :, :2] = points[j - 1, :, :2] @ turn.T
-    points[:, :, 2] = spacing * np.arange(sections)[:, None]
-    return points
-
-
-def section_springs(positions):
-    """Pairs of fibres (k, 2) joined by springs of the section: the edges of its Delaunay triangles.
-
-    Flat triangles at the rim, which join far fibres, are left out unless the others then no longer
-    hold all fibres together.  Fibres on one line are joined one to the next.
-    """
-    if len(positions) < 2:
-        return np.empty((0, 2), dtype=np.int64)
-    centred = positions - positions.mean(axis=0)
-    _, size, directions = np.linalg.svd(centred, full_matrices=False)
-    triangles = None
-    if len(positions) > 2 and size[1] > 1e-9 * size[0]:
-        try:
-            triangles = Delaunay(centred @ UNTIE).simplices
-        except QhullError:  # as good as on one line
-            triangles = None
-    if triangles is None:
-        order = np.argsort(centred @ directions[0], kind="stable")
-        return _distinct(np.stack([order[:-1], order[1:]], axis=1))
-    flat = _circumradius(positions[triangles])
-    edges = _edges(triangles)
-    median = np.median(np.hypot(*(positions[edges[:, 0]] - positions[edges[:, 1]]).T))
-    kept = triangles[flat <= FLATTEST * median]
-    return _edges(kept) if _hold_together(kept, len(positions)) else edges
-
-
-def _edges(triangles):
-    return _distinct(np.concatenate([triangles[:, k] for k in ([0, 1], [1, 2], [2, 0])]))
-
-
-def _distinct(pairs):
-    return np.unique(np.sort(pairs, axis=1), axis=0).astype(np.int64)
-
-
-def _circumradius(corners):
-    """Radius of the circle through the corners (k, 3, 2): a b c/(4 area)."""
-    a, b, c = (corners[:, k] - corners[:, k - 1] for k in range(3))
-    area = 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-    product = np.hypot(*a.T) * np.hypot(*b.T) * np.hypot(*c.T)
-    return product / np.maximum(4.0 * area, 1e-300)
-
-
-def _hold_together(triangles, fibres):
-    """Whether the triangles reach all fibres and hang together by whole edges, without a hinge."""
-    if len(np.unique(triangles)) < fibres:
-        return False
-    sides = np.sort(np.concatenate([triangles[:, k] for k in ([0, 1], [1, 2], [2, 0])]), axis=1)
-    _, side = np.unique(sides, axis=0, return_inverse=True)
-    triangle = np.tile(np.arange(len(triangles)), 3)
-    # Triangles and their sides as the nodes of one graph.
-    size = len(triangles) + side.max() + 1
-    graph = coo_array((np.ones(len(side)), (triangle, len(triangles) + side.ravel())), (size, size))
-    return connected_components(graph, directed=False)[0] == 1
+__all__ = [
+    "SectionProblem",
+    "SectionState",
+    "SimulatedYarn",
+    "TensileTest",
+    "fibre_path",
+    "section_springs",
+    "solve_section",
+    "tangent_stiffness",
+    "tensile_test",
+    "turn_matrix",
+]
 
 
 class SectionProblem:
     """The arrays of :mod:`knitsim.yarn.section_kernels` for one yarn.
 
     Fibres are renumbered so that springs join near numbers (a narrow band); ``order[k]`` is the
-    layout's number of fibre k.  ``fibres`` carries the plastic state and changes with :meth:`yield_`.
+    layout's number of fibre k.  ``fibres`` carries the plastic state, which :meth:`yield_` changes.
     """
 
     def __init__(self, yarn):
@@ -244,7 +72,7 @@ class SectionProblem:
         # The eigenvalues of Q: both the same for a rotation, 0 and 4 for a reflection.
         kappa = float(np.linalg.eigvalsh(form)[1])
         self.turn = np.array([form[0, 0], form[0, 1], form[1, 1], kappa])
-        q = np.einsum("ia,ab,ib->i", self.built, form, self.built)
+        q = np.maximum(np.einsum("ia,ab,ib->i", self.built, form, self.built), 0.0)
         self.fibres = np.empty((len(positions), 4))
         chord = self.fibres[:, LENGTH] = np.sqrt(spacing**2 + q)
         angle = 2.0 * np.arcsin(np.sqrt(0.25 * kappa * q) / chord)
@@ -350,7 +178,7 @@ def solve_section(yarn, strain):
 
 
 def tangent_stiffness(yarn, strain_step=1e-5):
-    """dT/dstrain (N) at zero strain, by a central difference (error of second order in the step)."""
+    """dT/dstrain (N) at zero strain, by a central difference (second order in the step)."""
     ahead, back = (solve_section(yarn, sign * strain_step).tension for sign in (1.0, -1.0))
     return (ahead - back) / (2.0 * strain_step)
 
@@ -360,10 +188,10 @@ class TensileTest:
     """A tensile test, one entry for each of its points: shape (points,).
 
     Loading from 0 to the largest strain, then recovery to zero force; the turning point stands
-    twice, as the last of the loading and the first of the recovery, as friction changes sign there.
+    twice, as the last of the loading and the first of the recovery: friction changes sign there.
     tension (N): of the machine, fibres and friction.  friction (N): c v loading, -c v in recovery.
-    Energies (J per metre of unstrained yarn) as SectionState; plastic_energy and friction_energy are
-    dissipated, work is done by the machine (trapezoidal rule over the points).
+    Energies (J per metre of unstrained yarn) as SectionState; plastic_energy and friction_energy
+    are dissipated, work is done by the machine (trapezoidal rule over the points).
     time (s).  beyond_break: whether a fibre is strained beyond its breaking strain.
     sections: (points, n, 2), m.  iterations: of Newton's method, 0 where nothing had to be solved.
     """
@@ -432,8 +260,8 @@ def tensile_test(
         at_turn = points[-1].tension
         if not at_turn > friction:
             raise ComputationError(
-                f"{yarn.where}: friction c v = {friction:g} N is not below the tension {at_turn:g} N "
-                f"at strain {max_strain:g}, so nothing recovers"
+                f"{yarn.where}: friction c v = {friction:g} N is not below the tension "
+                f"{at_turn:g} N at strain {max_strain:g}, so nothing recovers"
             )
         points.append(points[-1])
         iterations.append(0)
@@ -448,10 +276,10 @@ def tensile_test(
 
 
 def _zero_force(problem, x, start, max_strain, friction):
-    """Strain in recovery at which the tension, less friction, is zero; x: equilibrium at ``start``.
+    """Strain in recovery at which the tension less friction is zero; x: equilibrium at ``start``.
 
-    Secants, the first with the unstretched yarn's slope, kept inside the bracket found so far: pushed
-    well beyond the slack yarn, fibres would buckle.
+    Secants, the first with the unstretched yarn's slope, kept inside the bracket found so far:
+    pushed well beyond the slack yarn, fibres would buckle.
     """
 
     def force(strain):
@@ -459,10 +287,12 @@ def _zero_force(problem, x, start, max_strain, friction):
         problem.solve(trial, strain)
         return problem.states(trial, strain)[:, 4].sum() - friction
 
-    if friction == 0 and not problem.yarn.law.plastic:
-        return 0.0  # as built
-    low, high = -math.inf, max_strain
     slope = problem.yarn.law.initial_stiffness * len(x)
+    if friction == 0 and not problem.yarn.law.plastic:
+        # An elastic yarn is slack as built, unless a soft section has taken on another shape.
+        if abs(force(0.0)) <= 1e-10 * slope * max_strain:
+            return 0.0
+    low, high = -math.inf, max_strain
     least = 1e-14 * slope * max_strain
     strain, left = start, force(start)
     for _ in range(100):

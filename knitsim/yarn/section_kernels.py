@@ -6,8 +6,8 @@ the chord, q = x^T Q x with Q = (M - 1)^T (M - 1), says all about the fibre:
 
     chord^2 = S^2 + q,      sin^2(phi/2) = kappa q / (4 chord^2),
 
-phi the angle between successive chords.  kappa is the eigenvalue of Q that is not 0: 4 sin^2 of half
-the turn for a rotation by it, 4 for the reflection of eq (1) as printed.
+phi the angle between successive chords.  kappa is the eigenvalue of Q that is not 0: 4 sin^2 of
+half the turn for a rotation by it, 4 for the reflection of eq (1) as printed.
 
 Arrays: x (n, 2) fibre positions; turn (4,) = Qxx, Qxy, Qyy, kappa; fibres (n, 4), see the columns
 below; law (3, m) = strain, tension, energy at the vertices of the tension law; ends (k, 2) the two
@@ -91,10 +91,10 @@ def fibre_terms(q, spacing, kappa, fibre, law):
 
 @njit
 def form_of(px, py, turn):
-    """q = x^T Q x and the vector Q x."""
+    """q = x^T Q x, which rounding must not take below 0, and the vector Q x."""
     gx = turn[0] * px + turn[1] * py
     gy = turn[1] * px + turn[2] * py
-    return px * gx + py * gy, gx, gy
+    return max(px * gx + py * gy, 0.0), gx, gy
 
 
 @njit
@@ -267,8 +267,8 @@ def equilibrium(x, spacing, turn, fibres, law, ends, springs, held):
             new, force = section_gradient(
                 trial, spacing, turn, fibres, law, ends, springs, gradient
             )
-            # Close to the equilibrium the energy differs by its rounding error only; the slope along
-            # the step, which is exact to the last, then says whether it overshoots.
+            # Close to the equilibrium the energy differs by its rounding error only; the slope
+            # along the step, which is exact to the last, then says whether it overshoots.
             if abs(new - energy) <= 1e-12 * abs(energy):
                 slope = 0.0
                 for a in range(size):
