@@ -38,7 +38,14 @@ def _imports(module):
         elif isinstance(node, ast.ImportFrom) and node.level:
             raise SyntaxError(f"{module}: relative imports are not used in knitsim")
         found.update(name for name in names if _path(name))
-    return frozenset(found)
+    # Importing a.b.c runs a and a.b as well.
+    return frozenset(found.union(*map(_packages, [module, *found])))
+
+
+def _packages(module):
+    """The packages that a module lies in, outermost first."""
+    parts = module.split(".")
+    return [".".join(parts[:k]) for k in range(1, len(parts))]
 
 
 def module_closure(*modules):
@@ -67,6 +74,15 @@ def source_hash(*modules):
     return _digest(module_closure(*modules))
 
 
+def _takes_njit(module):
+    return any(
+        isinstance(node, ast.ImportFrom)
+        and node.module == "knitsim.jit"
+        and any(alias.name == "njit" for alias in node.names)
+        for node in ast.walk(ast.parse(_path(module).read_bytes()))
+    )
+
+
 @functools.cache
 def kernel_hash():
     """Hash of every module that compiled code can come from: those that use njit, and what they import."""
@@ -74,6 +90,6 @@ def kernel_hash():
     for path in sorted(PACKAGE.rglob("*.py")):
         parts = ("knitsim", *path.relative_to(PACKAGE).with_suffix("").parts)
         module = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        if module != "knitsim.jit" and "knitsim.jit" in _imports(module):
+        if "knitsim.jit" in _imports(module) and _takes_njit(module):
             users.append(module)
     return _digest(module_closure(*users))

@@ -309,20 +309,18 @@ def changed_stages(one, other):
 
 def test_params_are_narrow(study_of):
     fabric = study_of().fabrics["jersey"]
-    everything = {"centre_line", "loop", "kinematic_tension", "kinematic_bending", "equilibrium"}
+    equilibrium = {"equilibrium", "equilibrium_rest", "equilibrium_tension"}
+    kinematic = {"kinematic_tension", "kinematic_bending"}
+    everything = {"centre_line", "loop"} | kinematic | equilibrium
     for path, value, stages in (
         ("loop_length_mm", 3.35, everything),
         ("yarn.diameter_mm", 0.17, everything),
-        ("set", 0.5, {"equilibrium"}),
-        ("yarn.friction", 0.3, {"equilibrium"}),
+        ("set", 0.5, equilibrium),
+        ("yarn.friction", 0.3, equilibrium),
         ("yarn.section_stiffness_MPa", 500, set()),
-        ("yarn.twist_per_m", 400, {"loop", "kinematic_tension", "kinematic_bending"}),
-        ("sections_per_loop", 50, {"loop", "kinematic_tension", "kinematic_bending"}),
-        (
-            "yarn.tension_law.k1_N",
-            31,
-            {"law", "kinematic_tension", "kinematic_bending", "equilibrium"},
-        ),
+        ("yarn.twist_per_m", 400, {"loop"} | kinematic),
+        ("sections_per_loop", 50, {"loop"} | kinematic),
+        ("yarn.tension_law.k1_N", 31, {"law"} | kinematic | equilibrium),
         ("scene.kinematic_bending.steps", 20, {"kinematic_bending"}),
         ("scene.kinematic_tension.variants.printed.law", "continuous", {"kinematic_tension"}),
     ):

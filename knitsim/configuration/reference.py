@@ -72,7 +72,7 @@ def _default(key):
 
 def _text(value):
     if isinstance(value, tuple):
-        return "[" + ", ".join(value) + "]"
+        return "[" + ", ".join(map(_text, value)) + "]"
     if isinstance(value, bool):
         return str(value).lower()
     return value if isinstance(value, str) else f"{value:.6g}"

@@ -19,6 +19,8 @@ STAGES = {
     "kinematic_tension": ("loop", "law"),
     "kinematic_bending": ("loop", "law"),
     "equilibrium": ("centre_line", "law"),
+    "equilibrium_rest": ("equilibrium",),
+    "equilibrium_tension": ("equilibrium_rest",),
 }
 
 
@@ -344,10 +346,73 @@ KINEMATIC_BENDING = Section(
     ),
 )
 
+EQUILIBRIUM_REST = Section(
+    name="equilibrium_rest",
+    about="The fabric at rest in the equilibrium model, beside the stated density and Munden's "
+    "constants; start of the equilibrium tests.",
+    of="fabric",
+    stage="equilibrium_rest",
+    keys=(
+        Key("points", "points", "integer", "Control points of the spline of one loop, a multiple "
+            "of 4.", allowed="[24, 640]", default=40),
+        Key("cell", "cell", "choice", "quarter: a quarter of a loop carries the symmetric states. "
+            "full: one whole loop, without symmetry.", choices=("quarter", "full"),
+            default="quarter"),
+        Key("set_compared", "set_compared", "numbers", "Fractions of set at which the relaxed "
+            "density is compared over loop length.", allowed="[0, 1]", default=(0.0, 0.9)),
+        Key("loop_length_low", "loop_length_low", "number", "Shortest loop length compared, over "
+            "the fabric's own.", allowed="(0, 1]", default=0.95),
+        Key("loop_length_high", "loop_length_high", "number", "Longest loop length compared, over "
+            "the fabric's own.", allowed="[1, 3]", default=1.15),
+    ),
+)
+
+# What one variant of an equilibrium tension test may restate.
+EQUILIBRIUM_TENSION_KEYS = (
+    Key("friction", "friction", "flag", "Coulomb friction between yarns, with the coefficient of "
+        "the yarn; false leaves it out.", default=False),
+    Key("lateral", "lateral", "choice", "The spacing across the pull: free to follow, or held at "
+        "that of rest.", choices=("free", "held"), default="free"),
+    Key("recovery", "recovery", "flag", "Recover to zero force after loading.", default=False),
+    Key("max_strain_course", "max_strain_course", "number", "Largest fabric strain, course-wise.",
+        allowed="(0, 5]", default=1.5),
+    Key("max_strain_wale", "max_strain_wale", "number", "Largest fabric strain, wale-wise.",
+        allowed="(0, 5]", default=0.9),
+    Key("states", "states", "integer", "Stored states up to the largest strain, at equal steps.",
+        allowed="[2, 10000]", default=30),
+)
+
+EQUILIBRIUM_TENSION = Section(
+    name="equilibrium_tension",
+    about="The tension test in the equilibrium model, from the fabric's own relaxed state.",
+    of="fabric",
+    stage="equilibrium_tension",
+    sections=(
+        Section(
+            name="variants",
+            about="Conditions of the test, each by a name of your own; the first is the "
+            "reference. A variant states what differs from the section.",
+            keys=EQUILIBRIUM_TENSION_KEYS,
+            named=True,
+            default_entries={
+                "frictionless": {},
+                "friction": {
+                    "friction": True, "recovery": True, "max_strain_course": 0.6,
+                    "max_strain_wale": 0.4,
+                },
+                "held": {"lateral": "held", "max_strain_course": 0.6, "max_strain_wale": 0.4},
+            },
+        ),
+    ),
+    keys=(DIRECTIONS, *EQUILIBRIUM_TENSION_KEYS),
+)
+
 SCENE = Section(
     name="scene",
     about="A test programme of a yarn or of a fabric. A test that is left out is not run.",
-    sections=(TENSILE_TEST, KINEMATIC_TENSION, KINEMATIC_BENDING),
+    sections=(
+        TENSILE_TEST, KINEMATIC_TENSION, KINEMATIC_BENDING, EQUILIBRIUM_REST, EQUILIBRIUM_TENSION,
+    ),
 )
 
 # What the model takes for granted where the paper is silent and no key says otherwise: name, what

@@ -9,7 +9,7 @@ import numpy as np
 
 from knitsim.store.timing import Timings
 
-PARTS = ("yarn", "fabric", "figures")
+PARTS = ("yarn", "fabric", "equilibrium", "figures")
 
 
 def _yarn(study):
@@ -31,10 +31,23 @@ def _fabric(study):
             kinematic_bending.run(fabric, laws, direction)
 
 
+def _equilibrium(study):
+    from knitsim.stages import equilibrium_rest, equilibrium_tension
+    from knitsim.stages.laws import laws_of
+
+    for fabric in study.fabrics.values():
+        laws = laws_of(fabric.yarn, None)
+        equilibrium_rest.run(fabric, laws)
+        equilibrium_tension.run(fabric, laws, "course")
+
+
 def _figures(study):
     from knitsim.figures.tubes import render_tubes
 
     render_tubes([np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0]])], 1e-4, "#808080", pixel=2e-5)
+
+
+_RUNS = dict(zip(PARTS, (_yarn, _fabric, _equilibrium, _figures), strict=True))
 
 
 def _compiled(cache):
@@ -54,7 +67,7 @@ def run(part, study):
     seconds = []
     for _ in range(2):
         start = time.perf_counter()
-        {"yarn": _yarn, "fabric": _fabric, "figures": _figures}[part](study)
+        _RUNS[part](study)
         seconds.append(time.perf_counter() - start)
     note = f"{_compiled(CACHE_DIR) - before} kernels compiled, the others loaded"
     timings.add("set-up of the kernels", seconds[0] - seconds[1], note=note)

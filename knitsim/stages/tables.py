@@ -93,7 +93,7 @@ def assumption_table(study, result_files, path):
 def _largest(dataset, variant, name, step=None):
     values = dataset[name].sel(variant=variant)
     return float(
-        values.isel(step=int(dataset["strain"].argmax())) if step is None else values[step]
+        values.isel(step=int(dataset["strain"].values.argmax())) if step is None else values[step]
     )
 
 
@@ -109,7 +109,7 @@ def yarn_corrections(yarn, name):
         turns, "turns", name,
     )]  # fmt: skip
     if {"corrected", "printed"} <= set(yarn.get("variant", xr.DataArray([])).values):
-        top = int(yarn["strain"].sel(variant="corrected").argmax())
+        top = int(yarn["strain"].sel(variant="corrected").values.argmax())
         tension = yarn["yarn_tension"].isel(step=top)
         ratio = float(tension.sel(variant="printed") / tension.sel(variant="corrected"))
         rows.append((

@@ -90,6 +90,8 @@ def scalar_table(root="results"):
                     for dim in loaded.dims:
                         row["variant" if dim == "variant" else "name"] = str(cell[dim].item())
                     row["units"] = variable.attrs.get("units", "")
+                    if "quantity_units" in loaded.coords:
+                        row["units"] = str(cell["quantity_units"].item())
                     row["long_name"] = variable.attrs.get("long_name", "")
                     rows.append(row)
     for path in sorted((root / "tables").glob("*.csv")):

@@ -49,6 +49,9 @@ COORDINATES = {
     "refused": Name(None, "why no result could be computed with this alternative"),
     "quantity": Name(None, "result whose change is given"),
     "quantity_units": Name(None, "unit of the quantity"),
+    "set": Name("1", "part of the loop's curvature that the yarn has taken as its rest shape"),
+    "compared": Name("1", "number of the loop length compared"),
+    "spacing": Name(None, "wale or course spacing"),
     "order": Name(None, "which inclination of the printed eqs (2), (3) is turned first"),
     "strain": Name("1", "engineering strain along the pull, from the starting state"),
     "curvature": Name("m-1", "curvature, positive when the technical face is convex"),
@@ -134,6 +137,13 @@ VARIABLES = {
     "dissipated": Name("J", "energy lost per loop, cumulative"),
     "min_distance": Name("1", "smallest distance of yarn centre lines, in yarn diameters"),
     "crossings_intact": Name(None, "whether the loops are interlooped", ("lost", "intact")),
+    "stated_wale_spacing": Name("m", "distance of neighbouring wales as stated"),
+    "stated_course_spacing": Name("m", "distance of neighbouring courses as stated"),
+    "kc": Name("1", "Munden's constant, loop length over course spacing"),
+    "kw": Name("1", "Munden's constant, loop length over wale spacing"),
+    "spacing_error": Name("1", "estimated relative error of the relaxed spacings"),
+    "compared_loop_length": Name("m", "loop lengths at which the relaxed fabric is compared"),
+    "compared_spacing": Name("m", "relaxed spacings at these loop lengths"),
     "residual": Name("N", "largest residual force"),
     "iterations": Name("1", "iterations of the solver"),
     "status": Name(
@@ -151,6 +161,7 @@ REFERENCES = {
     "paper": "3-Dimension Simulation for Loop Structure of Weft-Knitted Fabric Considering"
     " Mechanical Properties of Yarn",
     "choi_lo": "K. F. Choi and T. Y. Lo, Textile Research Journal 73 (2003) 739-748",
+    "munden": "D. L. Munden, Journal of the Textile Institute 50 (1959) T448-T471",
     "peirce": "F. T. Peirce, Textile Research Journal 17 (1947) 123-147",
     "hearle": "J. W. S. Hearle, P. Grosberg, S. Backer, Structural Mechanics of Fibers, Yarns, and"
     " Fabrics, Wiley 1969",

@@ -1,7 +1,7 @@
 # Fabric: the loop, and the paper's tests on it.
 
 
-FABRIC_TESTS = ("kinematic_tension", "kinematic_bending")
+FABRIC_TESTS = ("kinematic_tension", "kinematic_bending", "equilibrium_tension")
 
 
 def yarn_of(wildcards):
@@ -9,8 +9,6 @@ def yarn_of(wildcards):
 
 
 rule loop:
-    input:
-        ready=compiled("fabric"),
     output:
         result=results("loop/{fabric}.nc"),
         timings=timings_of("loop_{fabric}"),
@@ -25,7 +23,6 @@ rule loop:
 
 rule kinematic_tension:
     input:
-        ready=compiled("fabric"),
         yarn=yarn_of,
     output:
         result=results("tensile/{fabric}/kinematic_{direction}.nc"),
@@ -36,12 +33,11 @@ rule kinematic_tension:
         inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "kinematic_tension"),
         source=source_hash("knitsim.stages.kinematic_tension"),
     script:
-        "../scripts/kinematic_test.py"
+        "../scripts/fabric_test.py"
 
 
 rule kinematic_bending:
     input:
-        ready=compiled("fabric"),
         yarn=yarn_of,
     output:
         result=results("bending/{fabric}/kinematic_{direction}.nc"),
@@ -52,11 +48,48 @@ rule kinematic_bending:
         inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "kinematic_bending"),
         source=source_hash("knitsim.stages.kinematic_bending"),
     script:
-        "../scripts/kinematic_test.py"
+        "../scripts/fabric_test.py"
+
+
+rule equilibrium_rest:
+    input:
+        yarn=yarn_of,
+    output:
+        result=results("relaxed/{fabric}.nc"),
+        timings=timings_of("equilibrium_rest_{fabric}"),
+    log:
+        log_of("equilibrium_rest_{fabric}"),
+    params:
+        inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "equilibrium_rest"),
+        source=source_hash("knitsim.stages.equilibrium_rest"),
+    # Last, when its long compilation is done.
+    priority: -1
+    script:
+        "../scripts/fabric_test.py"
+
+
+rule equilibrium_tension:
+    input:
+        yarn=yarn_of,
+    output:
+        result=results("tensile/{fabric}/equilibrium_{direction}.nc"),
+        timings=timings_of("equilibrium_tension_{fabric}_{direction}"),
+    log:
+        log_of("equilibrium_tension_{fabric}_{direction}"),
+    params:
+        inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "equilibrium_tension"),
+        source=source_hash("knitsim.stages.equilibrium_tension"),
+    # Last, when its long compilation is done.
+    priority: -1
+    script:
+        "../scripts/fabric_test.py"
 
 
 def fabric_files():
     files = expand(rules.loop.output.result, fabric=STUDY.fabrics)
+    files += expand(
+        rules.equilibrium_rest.output.result, fabric=fabrics_with("equilibrium_rest")
+    )
     for test in FABRIC_TESTS:
         for fabric in fabrics_with(test):
             files += expand(

@@ -7,9 +7,10 @@ rule tables:
         timings=[
             timings_of(name)
             for name in [
-                *(f"compile_{part}" for part in ("yarn", "fabric", "figures")),
+                *(f"compile_{part}" for part in PARTS),
                 *(f"yarn_{yarn}" for yarn in STUDY.yarns),
                 *(f"loop_{fabric}" for fabric in STUDY.fabrics),
+                *(f"equilibrium_rest_{fabric}" for fabric in fabrics_with("equilibrium_rest")),
                 *(
                     f"{test}_{fabric}_{direction}"
                     for test in FABRIC_TESTS
@@ -25,7 +26,7 @@ rule tables:
     log:
         log_of("tables"),
     params:
-        assumptions=json.dumps([row.as_dict() for row in STUDY.assumptions()]),
+        assumptions=digest_of([row.as_dict() for row in STUDY.assumptions()]),
         source=source_hash("knitsim.stages.tables"),
     script:
         "../scripts/tables.py"
@@ -56,5 +57,50 @@ rule vtk:
         "../scripts/vtk.py"
 
 
+# One rule for each group of figures and each yarn or fabric, since what can be drawn depends on the
+# tests of its scene.  The first yarn and the first fabric carry the plain names.
+FIGURES = []
+for group in catalogue.GROUPS:
+    for of, subjects in (("yarn", STUDY.yarns), ("fabric", STUDY.fabrics)):
+        for number, subject in enumerate(subjects):
+            made = set(yarn_files() + fabric_files())
+            files = {
+                name: results(pattern.format(subject=subject))
+                for name, pattern in catalogue.FILES.items()
+                if results(pattern.format(subject=subject)) in made
+                and (pattern.startswith("yarn/") == (of == "yarn"))
+            }
+            drawn = catalogue.drawable(group, of, files)
+            if not drawn:
+                continue
+            used = {name for figure in drawn for name in (*figure.needs, *figure.takes)}
+            suffix = f"_{subject}" if number else ""
+            outputs = [
+                results(f"figures/{figure.name}{suffix}.{kind}")
+                for figure in drawn
+                for kind in ("png", "svg")
+            ]
+            FIGURES += outputs
+
+            rule:
+                name:
+                    f"figures_{group}_{of}_{number}"
+                input:
+                    **{name: file for name, file in files.items() if name in used},
+                output:
+                    outputs,
+                log:
+                    log_of(f"figures_{group}_{subject}"),
+                params:
+                    group=group,
+                    of=of,
+                    suffix=suffix,
+                    directory=results("figures"),
+                    source=source_hash("knitsim.figures.draw", *catalogue.modules(group)),
+                script:
+                    "../scripts/figures.py"
+
+
 def output_files():
-    return [*rules.tables.output, *expand(rules.vtk.output.directory, fabric=STUDY.fabrics)]
+    vtk = expand(rules.vtk.output.directory, fabric=STUDY.fabrics)
+    return [*rules.tables.output, *vtk, *FIGURES]

@@ -3,7 +3,6 @@
 
 rule yarn:
     input:
-        ready=compiled("yarn"),
         curve=lambda wildcards: STUDY.yarns[wildcards.yarn].curve_path or [],
     output:
         result=results("yarn/{yarn}.nc"),

@@ -7,4 +7,4 @@ with job(snakemake):
     from knitsim.stages.compile import run
 
     study = load_study(snakemake.params.small, fallback=snakemake.params.small)
-    run(snakemake.wildcards.part, study).write(snakemake.output.timings)
+    run(snakemake.params.part, study).write(snakemake.output.timings)

@@ -1,4 +1,4 @@
-"""Rules kinematic_tension and kinematic_bending: one test of one fabric in one direction."""
+"""Rules kinematic_* and equilibrium_*: one test of one fabric, in one direction if it has one."""
 
 from importlib import import_module
 
@@ -12,11 +12,10 @@ with job(snakemake):
     from knitsim.store.writer import write
 
     stage = import_module(f"knitsim.stages.{snakemake.rule}")
-    study = load_study(snakemake.config["study"])
+    fabric = load_study(snakemake.config["study"]).fabrics[snakemake.wildcards.fabric]
     with xarray.open_dataset(snakemake.input.yarn) as yarn:
         laws = {form: law_from(yarn, form) for form in FORMS}
-    dataset, timings = stage.run(
-        study.fabrics[snakemake.wildcards.fabric], laws, snakemake.wildcards.direction
-    )
+    direction = snakemake.wildcards.get("direction")
+    dataset, timings = stage.run(fabric, laws, *([direction] if direction else []))
     write(dataset, snakemake.output.result)
     timings.write(snakemake.output.timings)

@@ -1,0 +1,83 @@
+"""Crossings of a cell's yarns with those of other courses, read along the yarn (compiled).
+
+The check that runs after every accepted state: seen along the thickness axis (from the technical
+face), every crossing of the own polyline with an image in another course is noted as
+2 * (courses up) + (1 if the own yarn lies above), in the order met along the own yarn.  Strict: a
+state that shows any crossing more than a plain knit does is refused, though it may hold nothing.
+"""
+
+import numpy as np
+
+from knitsim.jit import njit
+
+
+@njit
+def crossings_of(trace, points, lattice, limit):
+    """Crossing codes in order along each own yarn; at most ``limit``.
+
+    trace: the cell's Touch whose points are the vertices of polylines; points: their positions.
+    """
+    m = points.shape[0]
+    code = np.empty(limit, dtype=np.int64)
+    place = np.empty(limit)
+    count = 0
+    left, right = points[:, 0].min(), points[:, 0].max()
+    bottom, top = points[:, 1].min(), points[:, 1].max()
+    for g in range(trace.same.size):
+        m1, m2 = trace.steps[g, 0], trace.steps[g, 1]
+        s0, s1 = trace.sign[g, 0], trace.sign[g, 1]
+        t0 = m1 * lattice[0] + m2 * lattice[2]
+        t1 = m1 * lattice[1] + m2 * lattice[3]
+        for k in range(m - 1):
+            if trace.yarn[k] != trace.yarn[k + 1]:
+                continue
+            cx, cy = s0 * points[k, 0] + t0, s1 * points[k, 1] + t1
+            ex, ey = s0 * points[k + 1, 0] + t0 - cx, s1 * points[k + 1, 1] + t1 - cy
+            low_x, high_x = min(cx, cx + ex), max(cx, cx + ex)
+            low_y, high_y = min(cy, cy + ey), max(cy, cy + ey)
+            if low_x > right or high_x < left or low_y > top or high_y < bottom:
+                continue
+            for i in range(m - 1):
+                if trace.yarn[i] != trace.yarn[i + 1]:
+                    continue
+                up = int(m2) + trace.yarn[k] - trace.yarn[i]
+                if up == 0:
+                    continue
+                ax, ay = points[i, 0], points[i, 1]
+                bx, by = points[i + 1, 0] - ax, points[i + 1, 1] - ay
+                if min(ax, ax + bx) > high_x or max(ax, ax + bx) < low_x:
+                    continue
+                if min(ay, ay + by) > high_y or max(ay, ay + by) < low_y:
+                    continue
+                area = bx * ey - by * ex
+                if area == 0.0:
+                    continue
+                p = ((cx - ax) * ey - (cy - ay) * ex) / area
+                q = ((cx - ax) * by - (cy - ay) * bx) / area
+                if not (0.0 <= p < 1.0 and 0.0 <= q < 1.0):
+                    continue
+                if count == limit:
+                    return code
+                above = points[i, 2] + p * (points[i + 1, 2] - points[i, 2]) > points[k, 2] + q * (
+                    points[k + 1, 2] - points[k, 2]
+                )
+                where = i + p
+                # Insert in the order met along the own yarn.
+                at = count
+                while at > 0 and place[at - 1] > where:
+                    place[at], code[at] = place[at - 1], code[at - 1]
+                    at -= 1
+                place[at], code[at] = where, 2 * up + (1 if above else 0)
+                count += 1
+    return code[:count]
+
+
+@njit
+def same_crossings(found, expected):
+    """Whether the codes are the expected ones."""
+    if found.size != expected.size:
+        return False
+    for i in range(found.size):
+        if found[i] != expected[i]:
+            return False
+    return True

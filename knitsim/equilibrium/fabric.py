@@ -1,0 +1,186 @@
+"""What the equilibrium model must know of a fabric, and how finely it is to be solved."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from knitsim.errors import InputError
+from knitsim.yarn.law import TensionLaw
+
+# Contact points lie at most this part of a diameter apart ...
+CONTACT_SPACING = 1.0 / 8.0
+# ... and closer for a barrier stiffer than this (N/m), in proportion to 1/sqrt(K): the contact zone
+# becomes thinner with K.
+STIFF_CONTACT = 30e3
+LEAST_POINTS = 24
+# Below this ratio of loop length to diameter no plain loop closes without deep compression.
+LEAST_BULK_SOFT, LEAST_BULK_HARD = 7.5, 12.0
+
+
+def _within(where, value, low, high, unit=""):
+    if not (isinstance(value, (int, float, np.number)) and low <= value <= high):
+        raise InputError(where, value, f"must be between {low:g} and {high:g}{unit}")
+
+
+@dataclass(frozen=True)
+class BarrierContact:
+    """Contact energy K (1 - x^2)^2/x^2 per length squared, x = distance/diameter; K in N/m."""
+
+    stiffness: float = 1000.0
+
+    def __post_init__(self):
+        _within("contact stiffness", self.stiffness, 1e-3, 1e8, " N/m")
+
+    def law(self, diameter):
+        """The kernels' law array."""
+        return np.array([0.0, self.stiffness, diameter, 0.0, 0.0, 0.0])
+
+
+@dataclass(frozen=True)
+class CoreContact:
+    """A stiff core in a soft shell (Singal et al. 2024).
+
+    v(D) = k delta^2/(p (p-1)) [z^(1-p) - 1 - (p-1)(1-z)] per length squared, z = (D - core)/delta,
+    delta = diameter - core; core in m, stiffness k in N/m3, exponent p above 1.
+    """
+
+    core: float
+    stiffness: float
+    exponent: float = 2.4
+
+    def __post_init__(self):
+        _within("contact core", self.core, 1e-9, 1.0, " m")
+        _within("contact stiffness", self.stiffness, 1e-3, 1e15, " N/m3")
+        _within("contact exponent", self.exponent, 1.01, 20.0)
+
+    def law(self, diameter):
+        """The kernels' law array."""
+        return np.array([1.0, 0.0, diameter, self.core, self.stiffness, self.exponent])
+
+
+@dataclass(frozen=True, eq=False)
+class Fabric:
+    """A plain knit: stated spacings and the yarn in it; all SI.
+
+    wale_spacing, course_spacing: as stated (m), where the search for equilibrium starts;
+    loop_length (m); diameter (m); bending_rigidity (N m2); law: tension of the yarn, taken as
+    reversible; contact: compression of the yarn; friction: Coulomb's coefficient between yarns;
+    set_fraction: rest curvature of the yarn as a part of the curvature magnitude of the loop held at
+    the stated spacings (0 straight, 1 fully set).
+
+    Raises InputError for a fabric that cannot exist.
+    """
+
+    wale_spacing: float
+    course_spacing: float
+    loop_length: float
+    diameter: float
+    bending_rigidity: float
+    law: TensionLaw
+    contact: BarrierContact | CoreContact = field(default_factory=BarrierContact)
+    friction: float = 0.0
+    set_fraction: float = 0.0
+
+    def __post_init__(self):
+        for name in ("wale_spacing", "course_spacing", "loop_length", "diameter"):
+            _within(name.replace("_", " "), getattr(self, name), 1e-6, 1.0, " m")
+        _within("bending rigidity", self.bending_rigidity, 1e-15, 1e-2, " N m2")
+        _within("friction", self.friction, 0.0, 1.0)
+        _within("set fraction", self.set_fraction, 0.0, 1.0)
+        if not isinstance(self.law, TensionLaw):
+            raise InputError("law", self.law, "must be a TensionLaw")
+        soft = isinstance(self.contact, CoreContact)
+        if soft and not self.contact.core < self.diameter:
+            raise InputError(
+                "contact core", self.contact.core, f"must be below the diameter {self.diameter:g} m"
+            )
+        bulk = self.loop_length / self.diameter
+        least = LEAST_BULK_SOFT if soft else LEAST_BULK_HARD
+        if bulk < least:
+            raise InputError(
+                "diameter",
+                self.diameter,
+                f"yarn too thick for its loop: loop length over diameter is {bulk:.3g}, "
+                f"must be {least:g} or more",
+            )
+        hard = self.contact.core if soft else 0.8 * self.diameter
+        for name, value, least in (
+            ("wale spacing", self.wale_spacing, 2.0),
+            ("course spacing", self.course_spacing, 1.0),
+        ):
+            if value < least * hard:
+                raise InputError(
+                    name, value, f"no room for the yarn: must be {least * hard:.4g} m or more"
+                )
+        # Two legs that reach beyond a course spacing at each end, and the way across.
+        shortest = math.hypot(self.wale_spacing, 2.0 * (self.course_spacing + hard))
+        if self.loop_length < shortest:
+            raise InputError(
+                "loop length",
+                self.loop_length,
+                f"loop too short to reach the next course: must be {shortest:.4g} m or more",
+            )
+        longest = 4.0 * (self.wale_spacing + 2.0 * self.course_spacing)
+        if self.loop_length > longest:
+            raise InputError(
+                "loop length",
+                self.loop_length,
+                f"loop too long to stay looped at these spacings: must be {longest:.4g} m or less",
+            )
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """How finely a fabric is solved.
+
+    points: control points per loop, a multiple of 4; contacts: contact points per loop, a multiple
+    of 4, or None for the spacing that the contact law needs; cell: "quarter" (a symmetric loop) or
+    "full", the latter with wales by courses loops.
+    """
+
+    points: int = 48
+    contacts: int | None = None
+    cell: str = "quarter"
+    wales: int = 1
+    courses: int = 1
+
+    def __post_init__(self):
+        if self.points < LEAST_POINTS or self.points % 4:
+            raise InputError(
+                "points", self.points, f"must be a multiple of 4, {LEAST_POINTS} or more"
+            )
+        if self.cell not in ("quarter", "full"):
+            raise InputError("cell", self.cell, "must be quarter or full")
+        if self.wales < 1 or self.courses < 1:
+            raise InputError("cell", f"{self.wales} x {self.courses}", "must hold 1 loop or more")
+        if self.cell == "quarter" and (self.wales, self.courses) != (1, 1):
+            raise InputError("cell", "quarter", "must be full for more than one loop")
+
+    def contacts_for(self, fabric):
+        """Contact points per loop for a fabric.  Raises InputError where the stated ones are few."""
+        spacing = CONTACT_SPACING * fabric.diameter
+        if isinstance(fabric.contact, BarrierContact):
+            spacing *= min(1.0, math.sqrt(STIFF_CONTACT / fabric.contact.stiffness))
+        else:
+            # The core law is smooth over the shell, whatever the diameter.
+            spacing = CONTACT_SPACING * 2.0 * (fabric.diameter - fabric.contact.core)
+            spacing = min(spacing, CONTACT_SPACING * fabric.diameter)
+        needed = 4 * math.ceil(fabric.loop_length / spacing / 4.0 - 1e-2)
+        if self.contacts is None:
+            return max(needed, 2 * self.points)
+        if self.contacts % 4:
+            raise InputError("contacts", self.contacts, "must be a multiple of 4")
+        if self.contacts < needed:
+            raise InputError(
+                "contacts",
+                self.contacts,
+                f"too coarse for the contact law: {needed} contact points per loop or more",
+            )
+        return self.contacts
+
+    def refined(self, fabric):
+        """Twice the control points and contact points."""
+        return Resolution(
+            2 * self.points, 2 * self.contacts_for(fabric), self.cell, self.wales, self.courses
+        )

@@ -1,0 +1,352 @@
+"""Equilibrium of one scene: total energy of the unknowns, Newton's method, following a load (compiled).
+
+Newton's method uses the exact Hessian, shifted by a multiple of the identity where it is not positive
+definite, a cap on the largest displacement and an Armijo line search.  Where a further decrease of
+the energy drowns in round-off, a smaller residual counts as progress.
+
+A nearly inextensible yarn that turns stretches at first in any straight step, and the next step
+takes the stretch out again; a line search that forbids the rise crawls.  So a few whole steps may be
+taken on trust (Control.trust): if they do not end below the energy they started from, the best
+known point is restored and searched from as usual.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from knitsim.equilibrium.contact_kernels import add_contact, find_pairs, place_points
+from knitsim.equilibrium.cylinder_kernels import add_couples, add_cylinders
+from knitsim.equilibrium.friction_kernels import add_friction
+from knitsim.equilibrium.yarn_kernels import add_yarn
+from knitsim.jit import njit
+
+CONVERGED, TOO_MANY, NO_DESCENT, NOT_FINITE = 0, 1, 2, 3
+ARMIJO = 1e-4
+ROUND_OFF = 1e-13  # relative to the energy
+
+
+class Control(NamedTuple):
+    """Settings of Newton's method.
+
+    tolerance: largest residual (N); cap: largest change of any unknown in one step (m); skin: how
+    far beyond contact pairs are listed (m); limit: iterations allowed; trust: whole steps in a row
+    that may be taken although the energy rises.
+    """
+
+    tolerance: float
+    cap: float
+    skin: float
+    limit: int
+    trust: int
+
+
+class Work(NamedTuple):
+    """Buffers of one scene: control points, contact points, gradients, Hessians, factor.
+
+    terms: energy by term (stretch, bending, contact); closest (1,): smallest squared distance.
+    """
+
+    x: np.ndarray
+    points: np.ndarray
+    half: np.ndarray
+    expanded: np.ndarray
+    gradient: np.ndarray
+    hessian: np.ndarray
+    factor: np.ndarray
+    terms: np.ndarray
+    closest: np.ndarray
+
+
+@njit
+def new_work(scene):
+    rows = scene.map.start.size - 1
+    n = scene.load.size
+    return Work(
+        np.zeros(((rows - 4) // 3, 3)),
+        np.zeros((scene.touch.first.size, 3)),
+        np.zeros((rows, rows)),
+        np.zeros(rows),
+        np.zeros(n),
+        np.zeros((n, n)),
+        np.zeros((n, n)),
+        np.zeros(3),
+        np.zeros(1),
+    )
+
+
+@njit
+def expand(map_, y, x):
+    """Control points x (n, 3) of the unknowns y; returns the lattice L."""
+    rows = map_.start.size - 1
+    lattice = np.empty(4)
+    for r in range(rows):
+        value = map_.offset[r]
+        for e in range(map_.start[r], map_.start[r + 1]):
+            value += map_.value[e] * y[map_.column[e]]
+        if r < rows - 4:
+            x[r // 3, r % 3] = value
+        else:
+            lattice[r - rows + 4] = value
+    return lattice
+
+
+@njit
+def reduce_gradient(map_, expanded, gradient):
+    """gradient = C^T expanded."""
+    gradient[:] = 0.0
+    for r in range(expanded.size):
+        g = expanded[r]
+        for e in range(map_.start[r], map_.start[r + 1]):
+            gradient[map_.column[e]] += map_.value[e] * g
+
+
+@njit
+def reduce_hessian(map_, half, hessian):
+    """hessian = C^T (A + A^T) C for the half matrix A."""
+    hessian[:] = 0.0
+    rows = half.shape[0]
+    for r in range(rows):
+        for c in range(rows):
+            h = half[r, c]
+            if h == 0.0:
+                continue
+            for e in range(map_.start[r], map_.start[r + 1]):
+                hr = h * map_.value[e]
+                i = map_.column[e]
+                for f in range(map_.start[c], map_.start[c + 1]):
+                    hessian[i, map_.column[f]] += hr * map_.value[f]
+    n = hessian.shape[0]
+    for i in range(n):
+        hessian[i, i] *= 2.0
+        for j in range(i):
+            total = hessian[i, j] + hessian[j, i]
+            hessian[i, j] = total
+            hessian[j, i] = total
+
+
+@njit
+def energy_of(scene, y, pairs, slip, order, work):
+    """Total energy (J) at y with the listed contact pairs (pairs, weights) and friction pairs.
+
+    Fills work.terms (without friction) and work.closest, with order >= 1 work.gradient, with order 2
+    work.hessian, all by y, with friction and the dead loads in them.
+    """
+    lattice = expand(scene.map, y, work.x)
+    work.terms[:] = 0.0
+    if order >= 1:
+        work.expanded[:] = 0.0
+    if order == 2:
+        work.half[:] = 0.0
+    add_yarn(scene, work.x, order, work.expanded, work.half, work.terms)
+    energy = work.terms[0] + work.terms[1]
+    energy += add_couples(scene.couples, work.x, order, work.expanded, work.half)
+    work.closest[0] = math.inf
+    if pairs[1].size or slip.limit.size or scene.cylinders.law.size:
+        place_points(scene.touch, work.x, work.points)
+        contact, work.closest[0] = add_contact(
+            scene, work.points, lattice, pairs, order, work.expanded, work.half
+        )
+        contact += add_cylinders(scene, work.points, order, work.expanded, work.half)
+        work.terms[2] = contact
+        energy += contact + add_friction(
+            scene, work.points, lattice, slip, order, work.expanded, work.half
+        )
+    for i in range(y.size):
+        energy -= scene.load[i] * y[i]
+    if order >= 1:
+        reduce_gradient(scene.map, work.expanded, work.gradient)
+        for i in range(y.size):
+            work.gradient[i] -= scene.load[i]
+    if order == 2:
+        reduce_hessian(scene.map, work.half, work.hessian)
+    return energy
+
+
+@njit
+def pairs_at(scene, y, skin, work):
+    """Pairs closer than the diameter plus ``skin`` at y."""
+    lattice = expand(scene.map, y, work.x)
+    place_points(scene.touch, work.x, work.points)
+    return find_pairs(scene.touch, work.points, lattice, scene.law[2] + skin)
+
+
+@njit
+def residual_of(gradient, scale, free):
+    largest = 0.0
+    for i in free:
+        r = abs(gradient[i]) * scale[i]
+        if not r <= largest:  # a NaN stays
+            largest = r
+    return largest
+
+
+@njit
+def factorise(hessian, free, shift, factor):
+    """Upper Cholesky factor of hessian[free, free] + shift I; False if not positive definite."""
+    n = free.size
+    for i in range(n):
+        for j in range(i, n):
+            factor[i, j] = hessian[free[i], free[j]]
+        factor[i, i] += shift
+    for k in range(n):
+        pivot = factor[k, k]
+        if not pivot > 0.0:
+            return False
+        pivot = math.sqrt(pivot)
+        inverse = 1.0 / pivot
+        factor[k, k] = pivot
+        for j in range(k + 1, n):
+            factor[k, j] *= inverse
+        for i in range(k + 1, n):
+            f = factor[k, i]
+            if f != 0.0:
+                for j in range(i, n):
+                    factor[i, j] -= f * factor[k, j]
+    return True
+
+
+@njit
+def solve_factored(factor, rhs):
+    """Overwrite rhs (n,) with the solution of U^T U z = rhs."""
+    n = rhs.size
+    for i in range(n):
+        rhs[i] /= factor[i, i]
+        z = rhs[i]
+        for j in range(i + 1, n):
+            rhs[j] -= factor[i, j] * z
+    for i in range(n - 1, -1, -1):
+        z = rhs[i]
+        for j in range(i + 1, n):
+            z -= factor[i, j] * rhs[j]
+        rhs[i] = z / factor[i, i]
+
+
+@njit
+def factorise_shifted(hessian, free, factor):
+    """Factorise with the smallest shift of a rising sequence that makes it positive definite."""
+    if factorise(hessian, free, 0.0, factor):
+        return 0.0
+    size = 0.0
+    for i in free:
+        size = max(size, abs(hessian[i, i]))
+    shift = 1e-6 * size
+    for _ in range(40):
+        if factorise(hessian, free, shift, factor):
+            return shift
+        shift *= 4.0
+    return math.inf
+
+
+@njit
+def largest_move(map_, change):
+    """Largest change of a control point's component or of L, for a change of y."""
+    largest = 0.0
+    for r in range(map_.start.size - 1):
+        value = 0.0
+        for e in range(map_.start[r], map_.start[r + 1]):
+            value += map_.value[e] * change[map_.column[e]]
+        largest = max(largest, abs(value))
+    return largest
+
+
+@njit
+def minimise(scene, y, free, slip, control, work):
+    """Move y (in place) along its free unknowns to a minimum of the energy.
+
+    Returns status, iterations, residual (N).  Afterwards work.factor holds the factor at the last
+    point but one, work.hessian the Hessian there, work.gradient and work.terms the values at y.
+    """
+    pairs = pairs_at(scene, y, control.skin, work)
+    moved = 0.0
+    energy = energy_of(scene, y, pairs, slip, 1, work)
+    residual = residual_of(work.gradient, scene.scale, free)
+    if not (math.isfinite(energy) and math.isfinite(residual)):
+        return NOT_FINITE, 0, residual
+    step = np.zeros(y.size)
+    rhs = np.empty(free.size)
+    trial = np.empty(y.size)
+    kept, kept_energy, kept_residual, on_trust, trust = y.copy(), energy, residual, 0, control.trust
+    for iteration in range(control.limit):
+        if residual <= control.tolerance:
+            return CONVERGED, iteration, residual
+        energy_of(scene, y, pairs, slip, 2, work)
+        shift = factorise_shifted(work.hessian, free, work.factor)
+        if not math.isfinite(shift):
+            return NOT_FINITE, iteration, residual
+        slope = 0.0
+        for i in range(free.size):
+            rhs[i] = -work.gradient[free[i]]
+        solve_factored(work.factor, rhs)
+        for i in range(free.size):
+            step[free[i]] = rhs[i]
+            slope += rhs[i] * work.gradient[free[i]]
+        size = largest_move(scene.map, step)
+        length = 1.0 if size <= control.cap else control.cap / size
+        accepted = False
+        for _ in range(30):
+            trial[:] = y + length * step
+            # Pairs are listed around the point where `moved` was last zero.
+            reached = moved + length * size
+            if reached > 0.5 * control.skin:
+                pairs = pairs_at(scene, trial, control.skin, work)
+                moved, reached = length * size, 0.0
+            new = energy_of(scene, trial, pairs, slip, 1, work)
+            if math.isfinite(new):
+                after = residual_of(work.gradient, scene.scale, free)
+                if new <= energy + ARMIJO * length * slope or (
+                    abs(new - energy) <= ROUND_OFF * abs(energy) and after < residual
+                ):
+                    accepted = True
+                    moved = reached
+                    break
+                if on_trust < trust and math.isfinite(after):
+                    on_trust += 1
+                    accepted = True
+                    moved = reached
+                    break
+            length *= 0.5
+        if accepted:
+            y[:] = trial
+            energy, residual = new, after
+            if energy < kept_energy or residual <= control.tolerance:
+                kept[:] = y
+                kept_energy, kept_residual, on_trust, trust = energy, residual, 0, control.trust
+                continue
+            if on_trust < trust or trust == 0:
+                continue
+        elif on_trust == 0:
+            return NO_DESCENT, iteration + 1, residual
+        # Trust has led nowhere: back, and no trust until the energy has fallen below.
+        y[:] = kept
+        pairs = pairs_at(scene, y, control.skin, work)
+        moved, on_trust, trust = 0.0, 0, 0
+        energy = energy_of(scene, y, pairs, slip, 1, work)
+        residual = kept_residual
+    status = CONVERGED if residual <= control.tolerance else TOO_MANY
+    return status, control.limit, residual
+
+
+@njit
+def prepare_tangent(scene, y, free, slip, control, work):
+    """Hessian and its factor at y, for ``tangent``; False where the Hessian is not finite."""
+    energy_of(scene, y, pairs_at(scene, y, control.skin, work), slip, 2, work)
+    return math.isfinite(factorise_shifted(work.hessian, free, work.factor))
+
+
+@njit
+def tangent(y, change, free, work):
+    """Add to y the prescribed ``change`` and the answer of the free unknowns that keeps the forces.
+
+    Uses work.hessian and work.factor.
+    """
+    rhs = np.zeros(free.size)
+    for j in range(y.size):
+        if change[j] != 0.0:
+            for i in range(free.size):
+                rhs[i] -= work.hessian[free[i], j] * change[j]
+    solve_factored(work.factor, rhs)
+    for j in range(y.size):
+        y[j] += change[j]
+    for i in range(free.size):
+        y[free[i]] += rhs[i]

@@ -1,0 +1,206 @@
+"""Following a path of prescribed unknowns from one equilibrium to the next (compiled).
+
+Tangent predictor, Newton, then the acceptance of the state: residual below the tolerance, crossings
+intact, nothing but finite numbers.  Otherwise the step is halved; where it becomes too small the
+path ends with the reason.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from knitsim.equilibrium.contact_kernels import place_points
+from knitsim.equilibrium.crossing_kernels import crossings_of, same_crossings
+from knitsim.equilibrium.friction_kernels import begin_slip, lag_at, loss_of, no_slip
+from knitsim.equilibrium.newton_kernels import (
+    CONVERGED,
+    expand,
+    minimise,
+    new_work,
+    pairs_at,
+    prepare_tangent,
+    tangent,
+)
+from knitsim.jit import njit
+
+REACHED, NOT_REACHED = 0, 10
+CROSSINGS_LOST = 11
+SMALLEST = 1.0 / 64.0  # of an asked step
+
+
+class March(NamedTuple):
+    """How a path is followed.
+
+    free: unknowns that equilibrium decides; driven: those that are prescribed; largest: largest
+    change of a driven unknown in one increment (m); friction: coefficient; rounding: slip at which
+    friction is fully mobilised (m); passes: how often the normal forces are lagged; expected: the
+    crossing codes that every state must show.
+    """
+
+    free: np.ndarray
+    driven: np.ndarray
+    largest: float
+    friction: float
+    rounding: float
+    passes: int
+    expected: np.ndarray
+
+
+class Trail(NamedTuple):
+    """What is kept of each asked state; one row each.
+
+    y; force: derivatives of energy and friction potential by y (N), which the driven unknowns and the
+    dead loads hold; terms (stretch, bending,
+    contact, J); closest: smallest distance (m); residual (N); work, lost: cumulative from the start
+    (J); iterations, status.
+    """
+
+    y: np.ndarray
+    force: np.ndarray
+    terms: np.ndarray
+    closest: np.ndarray
+    residual: np.ndarray
+    work: np.ndarray
+    lost: np.ndarray
+    iterations: np.ndarray
+    status: np.ndarray
+
+
+@njit
+def new_trail(states, unknowns):
+    return Trail(
+        np.full((states, unknowns), np.nan),
+        np.full((states, unknowns), np.nan),
+        np.full((states, 3), np.nan),
+        np.full(states, np.nan),
+        np.full(states, np.nan),
+        np.full(states, np.nan),
+        np.full(states, np.nan),
+        np.zeros(states, dtype=np.int64),
+        np.full(states, NOT_REACHED),
+    )
+
+
+@njit
+def intact(scene, trace, y, expected, work):
+    """Whether the crossings at y are the expected ones."""
+    lattice = expand(scene.map, y, work.x)
+    points = np.empty((trace.first.size, 3))
+    place_points(trace, work.x, points)
+    return same_crossings(crossings_of(trace, points, lattice, 4 * expected.size), expected)
+
+
+@njit
+def solve_step(scene, y, march, control, start, work):
+    """Equilibrium at the driven values of y, with friction against the state ``start``.
+
+    Returns status, iterations, residual, energy lost.
+    """
+    if march.friction == 0.0:
+        status, iterations, residual = minimise(scene, y, march.free, no_slip(), control, work)
+        return status, iterations, residual, 0.0
+    pairs = pairs_at(scene, start, control.skin, work)
+    lattice = expand(scene.map, start, work.x)
+    place_points(scene.touch, work.x, work.points)
+    slip = begin_slip(scene, work.points, lattice, pairs, march.friction, march.rounding)
+    total = 0
+    for once in range(march.passes):
+        if once:
+            lattice = expand(scene.map, y, work.x)
+            place_points(scene.touch, work.x, work.points)
+            lag_at(scene, work.points, lattice, pairs[1], march.friction, slip)
+        status, iterations, residual = minimise(scene, y, march.free, slip, control, work)
+        total += iterations
+        if status != CONVERGED:
+            return status, total, residual, 0.0
+    lattice = expand(scene.map, y, work.x)
+    place_points(scene.touch, work.x, work.points)
+    return status, total, residual, loss_of(scene, work.points, lattice, slip)
+
+
+@njit
+def bend_predictor(trial, y, before, march):
+    """Add the curvature of the path to the tangent prediction ``trial`` from y.
+
+    With the state ``before`` the last step h ago and the tangent v, y(k) = y + k v + (k/h)^2
+    (before - y + h v).  Left out where the driven unknowns turn back, or where it is not small.
+    """
+    last = along = 0.0
+    for i in march.driven:
+        last += (y[i] - before[i]) ** 2
+        along += (y[i] - before[i]) * (trial[i] - y[i])
+    if last == 0.0 or along <= 0.0:
+        return
+    ratio = along / last
+    straight = bent = 0.0
+    for i in march.free:
+        v = trial[i] - y[i]
+        straight += v * v
+        bent += (ratio * ratio * (before[i] - y[i] + v / ratio)) ** 2
+    if bent > 0.25 * straight:
+        return
+    for i in march.free:
+        trial[i] += ratio * ratio * (before[i] - y[i] + (trial[i] - y[i]) / ratio)
+
+
+@njit
+def follow(scene, trace, y, force, targets, march, control, trail):
+    """Visit the rows of ``targets`` (states, driven) one after another; y ends at the last state.
+
+    y must be an equilibrium, held by ``force`` (as in Trail); both end at the last state.  Fills
+    trail; a state that is not reached and all after it keep NaN.  Returns the number of states
+    reached and the reason of the end (a status).
+    """
+    work = new_work(scene)
+    n = y.size
+    before = y.copy()
+    trial = np.empty(n)
+    change = np.zeros(n)
+    prepare_tangent(scene, y, march.free, no_slip(), control, work)
+    done, lost = 0.0, 0.0
+    for state in range(targets.shape[0]):
+        left, iterations = 1.0, 0
+        far = 0.0
+        for j in range(march.driven.size):
+            far = max(far, abs(targets[state, j] - y[march.driven[j]]))
+        part = min(1.0, march.largest / far) if far > 0.0 else 1.0
+        part = 1.0 / math.ceil(1.0 / part - 1e-9)
+        smallest = part * SMALLEST
+        while left > 1e-9:
+            part = min(part, left)
+            for j in range(march.driven.size):
+                i = march.driven[j]
+                change[i] = (targets[state, j] - y[i]) * (part / left)
+            trial[:] = y
+            tangent(trial, change, march.free, work)
+            bend_predictor(trial, y, before, march)
+            status, used, residual, loss = solve_step(scene, trial, march, control, y, work)
+            iterations += used
+            if status == CONVERGED and not intact(scene, trace, trial, march.expected, work):
+                status = CROSSINGS_LOST
+            if status != CONVERGED:
+                part *= 0.5
+                before[:] = y
+                if part < smallest:
+                    return state, status
+                prepare_tangent(scene, y, march.free, no_slip(), control, work)
+                continue
+            # Trapezium rule with the forces on both sides of the increment.
+            for i in range(n):
+                after = work.gradient[i] + scene.load[i]
+                done += 0.5 * (force[i] + after) * (trial[i] - y[i])
+            lost += loss
+            force[:] = work.gradient + scene.load
+            before[:] = y
+            y[:] = trial
+            left -= part
+            left = left if left > 1e-9 else 0.0
+        trail.y[state] = y
+        trail.force[state] = force
+        trail.terms[state] = work.terms
+        trail.closest[state] = math.sqrt(work.closest[0])
+        trail.residual[state] = residual
+        trail.work[state], trail.lost[state] = done, lost
+        trail.iterations[state], trail.status[state] = iterations, REACHED
+    return targets.shape[0], REACHED

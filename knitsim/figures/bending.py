@@ -1,0 +1,250 @@
+"""Figures 10 and 11 of the paper: the fabric bent along the course and the wale.
+
+Both read result files of the bending tests as xarray datasets.  Curvature is positive when the
+technical face is convex.
+"""
+
+import numpy as np
+from matplotlib.lines import Line2D
+
+from knitsim.figures import style
+from knitsim.figures.images import DIRECTIONS, bent_fabric
+from knitsim.figures.states import (
+    MM,
+    PER_CM,
+    PERCENT,
+    fabric_name,
+    heading,
+    is_beyond_break,
+    letter,
+    settled,
+    state_at,
+    with_centreline,
+)
+from knitsim.figures.style import COLOURS, YARN_COLOURS
+from knitsim.figures.tubes import draw_tubes, view_of
+from knitsim.units import from_si
+
+SYMBOL = {"course": "z", "wale": "y"}  # the paper's coordinates; x is the thickness
+LOOPS = {"course": (8, 6), "wale": (8, 9)}  # wales and courses drawn of a fabric bent along it
+VIEW = {"course": (-14.0, -50.0), "wale": (-44.0, -16.0)}  # along the cylinder's axis, from above
+# From the largest negative to the largest positive curvature.
+CURVATURE_COLOURS = (style.BLUE, style.SKY, style.ORANGE, style.VERMILION)
+PRINTED_LINE = (0, (4, 1.5))
+
+
+def _forms(bending):
+    """(corrected, printed) of a test; None for a form that it does not hold."""
+    bending = with_centreline(bending)
+    held = bending.variant.values.tolist()
+    return tuple(
+        bending.sel(variant=form) if form in held else None for form in ("corrected", "printed")
+    )
+
+
+def _flat(corrected, along):
+    """Coordinates (m) of the sections along the bent direction, before bending."""
+    flat = corrected.isel(step=state_at(corrected, "curvature", 0.0))
+    return flat.centreline.values[:, along]
+
+
+def _states(bending):
+    """Numbers of the states at the largest and half of it, to the back and to the face side."""
+    curvature = bending.curvature.values
+    face = [state_at(bending, "curvature", share * curvature.max()) for share in (0.5, 1.0)]
+    back = [state_at(bending, "curvature", -curvature[step]) for step in face]
+    return [*back[::-1], *face]
+
+
+def angles_of_sections(points, curvature, along, form):
+    """Angle (rad) of each section, read from its bent position (n, 3) (m).
+
+    Corrected: the angle about the cylinder's axis.  As printed, eqs (8), (9): K' = 2 atan(-x'/z').
+    """
+    across, height = points[:, along], points[:, 2]
+    if form == "printed":
+        return 2.0 * np.arctan2(-height, across)
+    # The axis lies at the height -1/curvature; below it the angle is counted the other way.
+    side = np.sign(curvature)
+    return side * np.arctan2(across, side * (height + 1.0 / curvature))
+
+
+def fig10_bending_curvature(bending_course, bending_wale):
+    """Angle, curvature and position of the sections along the bent model, for several curvatures."""
+    tests = {"course": bending_course, "wale": bending_wale}
+    fig, axes = style.figure(height_mm=142.0, rows=2, columns=3)
+    heading(
+        fig,
+        f"Fig. 10  Curvature along the bent model of one loop, fabric {fabric_name(bending_course)}:"
+        " corrected against printed eqs (6) to (11)",
+    )
+    for row, (direction, bending) in zip(axes, tests.items(), strict=True):
+        _curvature_row(row, bending, direction)
+    handles = [
+        Line2D([], [], color=colour, linewidth=3.0, label=_legend_text(tests.values(), step))
+        for step, colour in zip(_states(bending_course), CURVATURE_COLOURS, strict=True)
+    ]
+    handles += [
+        Line2D([], [], color="black", marker="o", markersize=3, label="corrected"),
+        Line2D([], [], color="black", linestyle=PRINTED_LINE, marker="x", markersize=4,
+               label="as printed"),
+    ]  # fmt: skip
+    fig.legend(
+        handles=handles, loc="outside lower center", ncols=6,
+        title="Positive curvature: technical face convex.  As printed, K' = 0 is 0/0, not a number:\n"
+        "neither the flat fabric nor the section at the fixed edge has a position.",
+        title_fontsize=7,
+    )  # fmt: skip
+    return settled(fig)
+
+
+def _legend_text(tests, step):
+    """Curvature of a state, and whether the yarn is beyond break in it, bent along either direction."""
+    states = [_forms(bending)[0].isel(step=step) for bending in tests]
+    text = f"{_per_cm(float(states[0].curvature))} per cm"
+    return text + (" (beyond break)" if any(map(is_beyond_break, states)) else "")
+
+
+def _curvature_row(axes, bending, direction):
+    """Angle, curvature and positions of the sections for one bent direction."""
+    along, symbol = DIRECTIONS.index(direction), SYMBOL[direction]
+    forms = dict(zip(("corrected", "printed"), _forms(bending), strict=True))
+    start = _flat(forms["corrected"], along)
+    order = np.argsort(start, kind="stable")
+    # Where the angle is next to nothing, so is what is known of the curvature.
+    start = np.where(np.abs(start) < 0.02 * np.ptp(start), np.nan, start)
+    length = float(bending.model_length)
+    for step, colour in zip(_states(bending), CURVATURE_COLOURS, strict=True):
+        curvature = float(bending.curvature[step])
+        for form, curve in forms.items():
+            if curve is None:
+                continue
+            printed = form == "printed"
+            points = curve.centreline.values[step]
+            angle = angles_of_sections(points, curvature, along, form)
+            look = {"color": colour, "linestyle": PRINTED_LINE if printed else "-"}
+            if not printed:
+                look |= {"linewidth": 2.6, "alpha": 0.6}
+            axes[0].plot(from_si(start, MM)[order], from_si(angle, "deg")[order], **look)
+            # The curvature that puts a section where it is: with the angle on the arc from the edge to
+            # the section; as printed with the angle on the length L, whichever the section.
+            used = angle / (length if printed else start)
+            axes[1].plot(from_si(start, MM)[order], from_si(used, PER_CM)[order], **look)
+            axes[2].plot(
+                *from_si(points[:, [along, 2]], MM).T, color=colour, linestyle="none",
+                marker="x" if printed else "o", markersize=2.6 if printed else 1.6,
+                markeredgewidth=0.6 if printed else 0.0,
+            )  # fmt: skip
+    for ax in axes[:2]:
+        ax.axhline(0.0, color=style.GREY, linewidth=0.5, zorder=0)
+        ax.set_xlabel(f"position {symbol} along the {direction} (mm)")
+    axes[1].axvline(from_si(length, MM), color=style.GREY, linewidth=0.8, linestyle=":")
+    axes[1].annotate("L", (from_si(length, MM), 1.0), (0, 2), xycoords=("data", "axes fraction"),
+                     textcoords="offset points", ha="center")  # fmt: skip
+    axes[0].set_ylabel("angle of the section (degrees)")
+    axes[1].set_ylabel("curvature of the section (1/cm)")
+    axes[2].set_xlabel(f"bent position {symbol}' (mm)")
+    axes[2].set_ylabel("bent position x' (mm)")
+    if forms["printed"] is not None:
+        axes[2].annotate("printed: all\nnear L", (from_si(length, MM), 0.93), ha="center", va="top",
+                         xycoords=("data", "axes fraction"), fontsize=6.5)  # fmt: skip
+    axes[2].set_aspect("equal", adjustable="datalim")
+    letters = "abc" if direction == "course" else "def"
+    letter(axes[0], f"({letters[0]}) bent along the {direction}: angle")
+    letter(axes[1], f"({letters[1]}) curvature")
+    letter(axes[2], f"({letters[2]}) sections from the side")
+
+
+def fig11_bending(bending_course, bending_wale):
+    """Fabric bent to both sides, along course and wale, as solid yarns; and the printed form."""
+    tests = {"course": bending_course, "wale": bending_wale}
+    fig, axes = style.figure(height_mm=190.0, rows=4, columns=3)
+    heading(
+        fig,
+        f"Fig. 11  Fabric {fabric_name(bending_course)} in pure bending, face side and back side, along"
+        " course (above) and wale (below)",
+    )
+    for k, (direction, bending) in enumerate(tests.items()):
+        corrected, printed = _forms(bending)
+        back, face = _states(bending)[:2], _states(bending)[2:]
+        drawn = [
+            _bent(corrected.isel(step=step), direction)
+            for step in (*back, state_at(bending, "curvature", 0.0), *face)
+        ]
+        if printed is not None:
+            largest = int(np.argmax(bending.curvature.values))
+            drawn.append(
+                _printed(printed.isel(step=largest), corrected.isel(step=largest), direction)
+            )
+        # One scale for all: every window as large as the largest.
+        radius = 0.5 * float(bending.diameter)
+        corners = []
+        for courses, _, _, _ in drawn:
+            seen = view_of(VIEW[direction]).project(np.concatenate(courses))[:, :2]
+            corners.append((seen.min(0) - 1.5 * radius, seen.max(0) + 1.5 * radius))
+        half = 0.5 * np.max([high - low for low, high in corners], axis=0)
+        for panel, (courses, colours, title, ink), (low, high) in zip(
+            axes[2 * k : 2 * k + 2].flat, drawn, corners, strict=False
+        ):
+            x, y = 0.5 * (low + high)
+            window = (x - half[0], x + half[0], y - half[1], y + half[1])
+            draw_tubes(panel, courses, radius, colours, VIEW[direction], window=window)
+            panel.set_title(title, color=ink, fontsize=7.5)
+        for panel in axes[2 * k : 2 * k + 2].flat[len(drawn) :]:
+            panel.set_axis_off()
+    fig.supxlabel(
+        "Images of the loop are turned about the cylinder's axis along the bent direction, and shifted"
+        " across it.\nThe printed form has no images: it places one model of length L, and at zero"
+        " curvature it is 0/0, not a number.",
+        fontsize=7,
+    )
+    return settled(fig)
+
+
+def _bent(state, direction):
+    """Courses, their colours, title and its colour of the fabric in a state of the bending test."""
+    wide, high = LOOPS[direction]
+    curvature = float(state.curvature)
+    courses = bent_fabric(
+        state.centreline.values, curvature, direction, float(state.wale_spacing),
+        float(state.course_spacing), wide, high,
+    )  # fmt: skip
+    colours = [YARN_COLOURS["dark" if row % 2 else "pale"] for row in range(high)]
+    side = "flat" if curvature == 0 else f"{'face' if curvature > 0 else 'back'} convex"
+    broken = is_beyond_break(state)
+    strain = round(from_si(float(state.yarn_strain), PERCENT), 2) + 0.0
+    title = (
+        f"{_per_cm(curvature)} per cm, {side}\nyarn {strain:+.2f} %"
+        + (", beyond break" if broken else "")
+    )  # fmt: skip
+    return courses, colours, title, style.VERMILION if broken else "black"
+
+
+def _per_cm(curvature):
+    return "0" if curvature == 0 else f"{from_si(curvature, PER_CM):+.3g}"
+
+
+def _printed(printed, corrected, direction):
+    """As :func:`_bent`: one model as printed, among one as it should be, side by side across."""
+    wide, high = LOOPS[direction]
+    across = 1 - DIRECTIONS.index(direction)
+    step = np.zeros(3)
+    step[across] = float((printed.wale_spacing, printed.course_spacing)[across])
+    lines, colours = [], []
+    for state, colour in ((corrected, "pale"), (printed, "marked")):
+        points = state.centreline.values
+        points = points[np.isfinite(points).all(1)]
+        for k in range(high if direction == "course" else wide):
+            lines.append(points + k * step)
+            colours.append(YARN_COLOURS[colour])
+    title = (
+        f"{_per_cm(float(printed.curvature))} per cm, one model of length L:\n"
+        "as printed (red), corrected (pale)"
+    )
+    return lines, colours, title, COLOURS["printed"]
+
+
+FIGURES = {
+    "fig10_bending_curvature": (fig10_bending_curvature, ("bending_course", "bending_wale")),
+    "fig11_bending": (fig11_bending, ("bending_course", "bending_wale")),
+}

@@ -1,0 +1,83 @@
+"""Every figure: its file, the module that draws it, and the result files that it is drawn from.
+
+The Snakefile reads this table, so nothing heavy is imported here.
+"""
+
+from dataclasses import dataclass
+
+# Result files, by the name of the argument that takes them.
+FILES = {
+    "yarn": "yarn/{subject}.nc",
+    "loop": "loop/{subject}.nc",
+    "relaxed": "relaxed/{subject}.nc",
+    "tension_course": "tensile/{subject}/kinematic_course.nc",
+    "tension_wale": "tensile/{subject}/kinematic_wale.nc",
+    "bending_course": "bending/{subject}/kinematic_course.nc",
+    "bending_wale": "bending/{subject}/kinematic_wale.nc",
+    "equilibrium_course": "tensile/{subject}/equilibrium_course.nc",
+    "equilibrium_wale": "tensile/{subject}/equilibrium_wale.nc",
+}
+
+
+@dataclass(frozen=True)
+class Figure:
+    """name: of the file and of the function in knitsim.figures.<module> that draws it.
+
+    group: drawn by one job.  of: yarn or fabric.  needs: files without which it is not drawn; takes:
+    files that it shows as well where they exist.
+    """
+
+    name: str
+    group: str
+    module: str
+    of: str
+    needs: tuple
+    takes: tuple = ()
+
+
+_BOTH = ("tension_course", "tension_wale")
+_BENT = ("bending_course", "bending_wale")
+
+FIGURES = (
+    Figure("fig01_yarn_springs", "yarn", "yarn", "yarn", ("yarn",)),
+    Figure("fig02_fibre_sections", "yarn", "yarn", "yarn", ("yarn",)),
+    Figure("fig12_yarn_tension", "yarn", "yarn_tension", "yarn", ("yarn",)),
+    Figure("fig03_loop_anchors", "loop", "loop", "fabric", ("loop",)),
+    Figure("fig04_yarn_into_loop", "loop", "loop", "fabric", ("loop",)),
+    Figure("fig05_connected_loops", "loop", "loop", "fabric", ("loop",)),
+    Figure(
+        "fig06_course_deformation", "tension", "loop_tension", "fabric", ("tension_course",)
+    ),
+    Figure(
+        "fig07_course_contraction", "tension", "loop_tension", "fabric", ("tension_course",),
+        ("equilibrium_course",),
+    ),
+    Figure("fig08_wale_deformation", "tension", "loop_tension", "fabric", ("tension_wale",)),
+    Figure(
+        "fig09_wale_contraction", "tension", "loop_tension", "fabric", ("tension_wale",),
+        ("equilibrium_wale",),
+    ),
+    Figure("fig10_bending_curvature", "bending", "bending", "fabric", _BENT),
+    Figure("fig11_bending", "bending", "bending", "fabric", _BENT),
+    Figure("fig13_fabric_under_tension", "tension", "tension", "fabric", _BOTH),
+    Figure(
+        "fig14_fabric_tension", "tension", "tension", "fabric", _BOTH,
+        ("equilibrium_course", "equilibrium_wale"),
+    ),
+)  # fmt: skip
+
+GROUPS = tuple(dict.fromkeys(figure.group for figure in FIGURES))
+
+
+def drawable(group, of, available):
+    """The figures of a group of a yarn or fabric for which the ``available`` files suffice."""
+    return [
+        figure
+        for figure in FIGURES
+        if (figure.group, figure.of) == (group, of) and set(figure.needs) <= set(available)
+    ]
+
+
+def modules(group):
+    """Modules that draw the figures of a group."""
+    return sorted({f"knitsim.figures.{f.module}" for f in FIGURES if f.group == group})

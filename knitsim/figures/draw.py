@@ -1,0 +1,20 @@
+"""Draw the figures of the catalogue from result files."""
+
+from importlib import import_module
+
+import xarray as xr
+
+from knitsim.figures import style
+
+
+def draw(figures, files, stems):
+    """Draw ``figures`` (of the catalogue) from ``files`` {argument: path} as ``stems`` {name: stem}.
+
+    Each is written as PNG and SVG.
+    """
+    data = {name: xr.load_dataset(path, engine="netcdf4") for name, path in files.items()}
+    for figure in figures:
+        function = getattr(import_module(f"knitsim.figures.{figure.module}"), figure.name)
+        arguments = {name: data[name] for name in (*figure.needs, *figure.takes) if name in data}
+        with style.context():
+            style.save(function(**arguments), stems[figure.name])

@@ -1,0 +1,316 @@
+"""Figures 6 to 9 of the paper: one loop and its sections, pulled along the course and the wale.
+
+What is the paper's own is drawn as ``printed``, what is right as ``corrected``.
+"""
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from matplotlib.patheffects import withStroke
+
+from knitsim.figures import style
+from knitsim.figures.readings import (
+    BREAK_COLOUR,
+    OTHER,
+    PRINTED_LINE,
+    break_handle,
+    contractions,
+    draw_equilibrium,
+    fabric_of,
+    plot_loading,
+    reading_label,
+    reading_style,
+    reference_and_printed,
+    state_text,
+    step_at_share,
+)
+from knitsim.figures.states import (
+    MM,
+    fabric_name,
+    heading,
+    is_beyond_break,
+    letter,
+    loading,
+    settled,
+    with_centreline,
+)
+from knitsim.figures.style import COLOURS, YARN_COLOURS
+from knitsim.figures.tubes import draw_tubes
+from knitsim.units import from_si
+
+AXES = {"course": 0, "wale": 1}
+SYMBOL = {"course": "z", "wale": "y"}  # the paper's coordinates
+SECTION_EVERY = 0.05  # of the loop: distance of the sections painted on the yarn
+
+
+def _marked_sections(direction, count):
+    """{letter: number of the point} of the sections that the figures name.
+
+    Along the course as in Fig. 6: edges A and C, centre O in the head, B and D halfway.  Along the wale
+    the bottom O stays, from which the paper measures h, and H is the top.
+    """
+    quarter = round(0.25 * count), count - round(0.25 * count)
+    if direction == "course":
+        return {"A": 0, "B": quarter[0], "O": count // 2, "D": quarter[1], "C": count}
+    return {"O": 0, "B": quarter[0], "H": count // 2, "D": quarter[1]}
+
+
+def _paint_sections(yarns, row, begin, count, marks):
+    """Rings on the set-off loop: its sections, and in another colour the named ones."""
+    every = max(2, round(SECTION_EVERY * count))
+    colours = yarns.colours[row]
+    colours[begin : begin + count + 1 : every] = np.array(to_rgb(YARN_COLOURS["dark"]))
+    for point in marks.values():
+        colours[begin + point] = to_rgb(style.YELLOW)
+
+
+def _window(states, rest):
+    """left, right, bottom, top (m) that hold the set-off loop in all these states, and letters."""
+    points = np.concatenate([state.centreline.values for state in states])
+    d = float(rest.diameter)
+    low, high = points.min(0)[:2] - [2.0 * d, 1.9 * d], points.max(0)[:2] + [2.0 * d, 1.9 * d]
+    # Wide enough for the panel's heading above it.
+    wider = max(0.0, 0.5 * (1.1 * (high[1] - low[1]) - (high[0] - low[0])))
+    return low[0] - wider, high[0] + wider, low[1], high[1]
+
+
+def _draw_loop(ax, state, direction, window, *, alone=False, colour=None):
+    """A loop with its sections painted on, in its fabric or alone, as solid yarns."""
+    count = state.sizes["point"] - 1
+    yarns, shift = fabric_of(state, 5, 5, colour)
+    _paint_sections(yarns, 2, 2 * count, count, _marked_sections(direction, count))
+    lines, colours = [line - shift for line in yarns.polylines], yarns.colours
+    if alone:
+        begin = slice(2 * count, 3 * count + 1)
+        lines, colours = [lines[2][begin]], [colours[2][begin]]
+    return draw_tubes(ax, lines, 0.5 * float(state.diameter), colours, "face", window=window)
+
+
+def _letter_sections(ax, state, direction):
+    """The letters of the named sections beside the loop."""
+    points = from_si(state.centreline.values[:, :2], MM)
+    middle = points[:, 0].mean()
+    for name, point in _marked_sections(direction, len(points) - 1).items():
+        x, y = points[point]
+        aside = 0.0 if abs(x - middle) < 0.1 * np.ptp(points[:, 0]) else np.sign(x - middle)
+        above = 0.0 if name in "BD" else 1.0 if y > points[:, 1].mean() else -1.0
+        _badge(ax, name, (x, y), (15.0 * aside, 14.0 * above))
+
+
+def _badge(ax, name, where, offset):
+    ax.annotate(
+        name, where, offset, textcoords="offset points", ha="center",
+        va="center", fontsize=7, fontweight="bold",
+        bbox={"boxstyle": "circle,pad=0.15", "facecolor": "white", "linewidth": 0.5},
+        arrowprops={"arrowstyle": "-", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0},
+    )  # fmt: skip
+
+
+def _strain_axis(ax, direction):
+    ax.set_xlabel(f"{direction} strain of the fabric (%)")
+
+
+def _deformation(tension, direction, number):
+    """Figs 6 and 8: sections of the loop before and under tension, corrected and as printed."""
+    tension = with_centreline(tension)
+    corrected, printed = reference_and_printed(tension)
+    along, symbol = AXES[direction], SYMBOL[direction]
+    rest = corrected.isel(step=0)
+    half = step_at_share(tension, 0.5)
+    fig, axes = style.figure(height_mm=128.0, rows=2, columns=3)
+    heading(
+        fig,
+        f"Fig. {number}  Sections of the loop under {direction} tension, fabric"
+        f" {fabric_name(tension)}: corrected against printed eq ({4 + along})",
+    )
+    pictures = [("starting state", rest), ("corrected", corrected.isel(step=half))]
+    if printed is not None:
+        pictures.append(("as printed", printed.isel(step=half)))
+    else:
+        axes[0, 2].set_axis_off()
+    window = _window([state for _, state in pictures], rest)
+    for ax, key, (what, state) in zip(axes[0], "abc", pictures, strict=False):
+        _draw_loop(ax, state, direction, window)
+        _letter_sections(ax, state, direction)
+        letter(ax, f"({key}) {what}\n{state_text(state)}")
+
+    start = rest.centreline.values[:, along]
+    count = start.size - 1
+    marks = _marked_sections(direction, count)
+    position = from_si(start - start[marks["O"]], MM)
+    order = np.argsort(position, kind="stable")
+    shown = [(corrected, step, COLOURS["corrected"]) for step in
+             (half, step_at_share(tension, 1.0))]  # fmt: skip
+    if printed is not None:
+        shown.append((printed, half, COLOURS["printed"]))
+    for curve, step, colour in shown:
+        moved = curve.centreline.values[step, :, along]
+        broken = is_beyond_break(curve.isel(step=step))
+        line = ":" if broken else PRINTED_LINE if colour == COLOURS["printed"] else "-"
+        axes[1, 0].plot(
+            position[order], from_si(moved - start, MM)[order], color=colour, linestyle=line
+        )
+        # Sections that lie side by side, where the loop does not turn back.
+        across = np.diff(start)
+        kept = np.abs(across) > 0.2 * np.abs(across).mean()
+        between = 0.5 * (position[1:] + position[:-1])[kept]
+        local = (np.diff(moved)[kept] / across[kept])[np.argsort(between, kind="stable")]
+        axes[1, 1].plot(np.sort(between), local, color=colour, linestyle=line)
+        if colour != COLOURS["printed"]:
+            ratio = 1.0 + float(tension.strain[step])
+            last = from_si((moved - start)[np.argmax(position)], MM)
+            for ax, y in ((axes[1, 0], last), (axes[1, 1], ratio)):
+                ax.annotate(
+                    f"r = {ratio:.2f}" + "\nbeyond\nbreak" * broken, (position.max(), y), (3, 0),
+                    textcoords="offset points", va="top" if broken else "center", fontsize=6.5,
+                    annotation_clip=False,
+                    color=BREAK_COLOUR if broken else colour,
+                )  # fmt: skip
+    for ax in axes[1, :2]:
+        ax.set_xlabel(f"position {symbol} - {symbol}$_O$ along the {direction} (mm)")
+        ax.set_xlim(right=position.max() + 0.24 * np.ptp(position))
+        levels = {}
+        for name, point in marks.items():
+            levels.setdefault(round(position[point], 3), []).append(name)
+        for x, names in levels.items():
+            ax.axvline(x, color="#CCCCCC", linewidth=0.6, zorder=0)
+            ax.annotate(", ".join(names), (x, 1.0), (0, 1), xycoords=("data", "axes fraction"),
+                        textcoords="offset points", ha="center", fontsize=7,
+                        fontweight="bold")  # fmt: skip
+    axes[1, 0].set_ylabel(f"displacement {symbol}' - {symbol} (mm)")
+    axes[1, 1].set_ylabel(f"local stretch d{symbol}'/d{symbol} (1)")
+    letter(axes[1, 0], "(d) displacement of the sections", y=1.09)
+    letter(axes[1, 1], "(e) stretch between sections", y=1.09)
+    ax = axes[1, 2]
+    ratio = "OB/OC" if direction == "course" else "h/H"
+    for curve, colour, line, text in (
+        (corrected, COLOURS["corrected"], "-",
+         f"corrected: {symbol}' = {symbol}$_O$ + r ({symbol} - {symbol}$_O$)"),
+        (printed, COLOURS["printed"], PRINTED_LINE,
+         f"as printed: B' = B {ratio}, the same for every r, the edge stays"),
+    ):  # fmt: skip
+        if curve is not None:
+            plot_loading(
+                ax, curve, curve.min_distance.values, color=colour, linestyle=line, label=text
+            )
+    ax.axhline(1.0, color=style.GREY, linewidth=0.8, linestyle=":")
+    ax.annotate("yarns touch", (0, 1.0), (2, 2), textcoords="offset points", fontsize=6.5)
+    ax.set_ylim(0.0, 1.15)
+    handles = dict(zip(*ax.get_legend_handles_labels()[::-1], strict=True)) | break_handle(tension)
+    fig.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=2)
+    _strain_axis(ax, direction)
+    ax.set_ylabel("closest centre lines (diameters)")
+    letter(ax, "(f) do the yarns overlap?", y=1.09)
+    return settled(fig)
+
+
+def _contraction(tension, direction, number, equilibrium):
+    """Figs 7 and 9: how a section moves along and across the pull, and the contraction laws."""
+    tension = with_centreline(tension)
+    corrected, _ = reference_and_printed(tension)
+    along, across = AXES[direction], AXES[OTHER[direction]]
+    shown = contractions(tension)
+    up = loading(tension)
+    # The jam: the loop has contracted as far as it can.
+    scale = 1.0 + corrected.transverse_strain.values[up]
+    jam = up[np.argmax(scale <= scale.min() * (1.0 + 1e-9))]
+    rest, pulled = corrected.isel(step=0), corrected.isel(step=jam)
+    fig, axes = style.figure(height_mm=132.0, rows=2, columns=2)
+    heading(
+        fig,
+        f"Fig. {number}  Contraction of the loop under {direction} tension, fabric"
+        f" {fabric_name(tension)}",
+    )
+
+    _draw_section_path(axes[0, 0], rest, pulled, direction)
+    letter(axes[0, 0], f"(a) at rest (pale), at the limit (red)\n{state_text(pulled)}")
+    b = _marked_sections(direction, rest.sizes["point"] - 1)["B"]
+
+    ax = axes[0, 1]
+    limits = {}
+    for k, (name, choices) in enumerate(shown.items()):
+        curve = tension.sel(variant=name)
+        # Readings that coincide stay visible: each is thinner than the one before.
+        look = reading_style(choices) | {"linewidth": max(1.2, 2.8 - 0.8 * k)}
+        if choices["positions"] == "corrected":
+            limits.setdefault(_limit(curve, choices), choices)
+            scale = 1.0 + curve.transverse_strain.values
+            plot_loading(ax, curve, scale, **look, label=reading_label(choices))
+        moved = from_si(curve.centreline.values[:, b] - rest.centreline.values[b], MM)
+        for panel, axis in ((axes[1, 0], along), (axes[1, 1], across)):
+            plot_loading(panel, curve, moved[:, axis], **look, label=reading_label(choices))
+    for limit, choices in limits.items():
+        ax.axhline(limit, color=style.GREY, linewidth=0.8, linestyle=":")
+        text = f"{limit:.3g}: " + (
+            f"half the {'height' if direction == 'course' else 'wale spacing'}"
+            if choices["limit"] == "half" else "one course spacing shorter"
+        )  # fmt: skip
+        ax.annotate(text, (0, limit), (2, 2), textcoords="offset points", fontsize=6.5)
+    if equilibrium is not None:
+        draw_equilibrium(ax, equilibrium, 1.0 + equilibrium.transverse_strain)
+    ax.set_ylim(0.0, 1.05)
+    ax.set_ylabel(f"scale along the {OTHER[direction]} (1)")
+    letter(ax, "(b) contraction laws and their limits")
+    for ax, axis, key in ((axes[1, 0], direction, "c"), (axes[1, 1], OTHER[direction], "d")):
+        ax.axhline(0.0, color=style.GREY, linewidth=0.6, zorder=0)
+        ax.set_ylabel(f"displacement {SYMBOL[axis]}' - {SYMBOL[axis]} (mm)")
+        letter(ax, f"({key}) section B along the {axis}")
+    for ax in axes.flat[1:]:
+        _strain_axis(ax, direction)
+    handles = {text: line for ax in (axes[1, 0], axes[0, 1])
+               for line, text in zip(*ax.get_legend_handles_labels(), strict=True)}  # fmt: skip
+    handles |= break_handle(tension)
+    fig.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
+    return settled(fig)
+
+
+def _draw_section_path(ax, rest, pulled, direction):
+    """The loop at rest and pulled, and how its section B moves: along, then across the pull."""
+    window = _window([rest, pulled], rest)
+    for state, colour in ((rest, YARN_COLOURS["pale"]), (pulled, YARN_COLOURS["marked"])):
+        _draw_loop(ax, state, direction, window, alone=True, colour=colour)
+    along = AXES[direction]
+    b = _marked_sections(direction, rest.sizes["point"] - 1)["B"]
+    before, after = from_si(np.array([rest.centreline[b], pulled.centreline[b]]), MM)
+    corner = np.where(np.arange(3) == along, after, before)
+    # B lies on the left leg: letters to its left, the letter of the upper one higher.
+    texts = {direction: (0.0, 8.0), OTHER[direction]: (-9.0, 0.0)}
+    if along:
+        texts = {direction: (9.0, 0.0), OTHER[direction]: (0.0, 8.0)}
+    for start, end, axis in ((before, corner, direction), (corner, after, OTHER[direction])):
+        ax.annotate("", end[:2], start[:2], arrowprops={
+            "arrowstyle": "-|>,head_width=0.16,head_length=0.3", "linewidth": 1.3,
+            "facecolor": "black", "shrinkA": 0, "shrinkB": 0})  # fmt: skip
+        ax.annotate(f"{SYMBOL[axis]}'", 0.5 * (start + end)[:2], texts[axis],
+                    textcoords="offset points", ha="center", va="center", fontsize=8,
+                    fontweight="bold",
+                    path_effects=[withStroke(linewidth=2.0, foreground="white")])  # fmt: skip
+    up = 14.0 if before[1] > after[1] else -14.0
+    _badge(ax, "B", before[:2], (-40.0, up))
+    _badge(ax, "B'", after[:2], (-40.0, -up))
+
+
+def _limit(curve, choices):
+    """Smallest scale across the pull that a reading allows."""
+    if choices["limit"] == "half":
+        return 0.5
+    return 1.0 - float(curve.course_spacing[0]) / float(curve.loop_height)
+
+
+def fig06_course_deformation(tension_course):
+    """Fig. 6: sections of the loop before and under course tension."""
+    return _deformation(tension_course, "course", 6)
+
+
+def fig07_course_contraction(tension_course, equilibrium_course=None):
+    """Fig. 7: how a section moves along and across the course, and how the loop contracts."""
+    return _contraction(tension_course, "course", 7, equilibrium_course)
+
+
+def fig08_wale_deformation(tension_wale):
+    """Fig. 8: sections of the loop before and under wale tension."""
+    return _deformation(tension_wale, "wale", 8)
+
+
+def fig09_wale_contraction(tension_wale, equilibrium_wale=None):
+    """Fig. 9: how a section moves along and across the wale, and how the loop contracts."""
+    return _contraction(tension_wale, "wale", 9, equilibrium_wale)

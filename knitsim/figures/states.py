@@ -1,0 +1,94 @@
+"""What the figures of tests share: names, readings and stored states of a result file."""
+
+import json
+from pathlib import PurePosixPath
+
+import numpy as np
+
+from knitsim.errors import InputError
+from knitsim.store.schema import VARIABLES
+
+BEYOND_BREAK = VARIABLES["status"].flags.index("beyond_breaking_strain")
+MM, PERCENT, PER_CM, N_PER_MM = "mm", "percent", "per_cm", "N_per_mm"  # units of the figures' axes
+
+
+def fabric_name(dataset):
+    """Name of the yarn or fabric that a result file is about."""
+    return json.loads(dataset.attrs["configuration"])["name"]
+
+
+def breaking_strain(dataset):
+    """Breaking strain (1) of the yarn of a fabric's result file."""
+    return json.loads(dataset.attrs["configuration"])["yarn"]["values"]["breaking_strain"]
+
+
+def law_source(dataset):
+    """Where the tension law of the yarn comes from, in words; a rebuilt curve is no experiment."""
+    curve = json.loads(dataset.attrs["configuration"])["yarn"]["values"]["tension_curve"]
+    if curve is None:
+        return "Tension law of the yarn as stated in the configuration."
+    stem = PurePosixPath(curve["file"]).stem
+    if stem.endswith("_rebuilt"):
+        return (
+            "Tension law of the yarn rebuilt from the paper's constants, not measured; the paper's"
+            " measured curve of the fabric is not available."
+        )
+    return f"Tension law of the yarn calibrated from {PurePosixPath(curve['file']).name}."
+
+
+def readings(dataset):
+    """{variant: {choice: value}} of a tensile test, in the order of its variants, the reference first.
+
+    The names of the variants are the user's own; what they stand for is in the attribute ``readings``.
+    """
+    found = json.loads(dataset.attrs["readings"])
+    return {str(name): found[str(name)] for name in dataset.variant.values}
+
+
+def with_centreline(dataset):
+    """The dataset, if it holds the centre lines of its states.  Raises InputError if not."""
+    if "centreline" not in dataset:
+        raise InputError(
+            dataset.attrs.get("title", "dataset"), "no centreline", "the scene must store it"
+        )
+    return dataset
+
+
+def loading(dataset):
+    """Numbers of the states on loading."""
+    return np.flatnonzero(dataset.phase.values == "loading")
+
+
+def recovery(dataset):
+    """Numbers of the states on recovery, with the last one of the loading before them."""
+    return np.concatenate(
+        [loading(dataset)[-1:], np.flatnonzero(dataset.phase.values != "loading")]
+    )
+
+
+def state_at(dataset, along, value):
+    """Number of the stored state nearest to ``value`` of ``strain`` (on loading) or ``curvature``."""
+    among = loading(dataset) if along == "strain" else np.arange(dataset.sizes["step"])
+    return int(among[np.argmin(np.abs(dataset[along].values[among] - value))])
+
+
+def is_beyond_break(state):
+    """Whether the yarn is beyond its breaking strain in this one state."""
+    return int(state.status) == BEYOND_BREAK
+
+
+def letter(ax, text, x=0.0, y=1.02):
+    """A panel's letter and heading, above its left corner."""
+    ax.set_title(text, loc="left", x=x, y=y, pad=0)
+
+
+def heading(fig, text):
+    """The line above a figure that says what it shows."""
+    fig.suptitle(text, fontsize=9)
+
+
+def settled(fig):
+    """The figure with its layout worked out once, not anew for every file that it is saved in."""
+    fig.get_layout_engine().execute(fig)
+    fig.set_layout_engine("none")
+    return fig

@@ -1,0 +1,87 @@
+"""What the equilibrium stages share: a fabric's input as the solver wants it, states as a dataset."""
+
+import numpy as np
+import xarray as xr
+
+from knitsim.equilibrium.fabric import BarrierContact, Fabric, Resolution
+from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES, VARIABLES
+
+_STATES = VARIABLES["status"].flags
+
+
+def solver_fabric(fabric, law, *, friction=False, set_fraction=None, loop_length=None):
+    """knitsim.equilibrium Fabric of a FabricInput; law: TensionLaw of its yarn.
+
+    set_fraction, loop_length: instead of the stated ones.
+    """
+    yarn = fabric.yarn
+    return Fabric(
+        fabric["wale_spacing"], fabric["course_spacing"],
+        fabric["loop_length"] if loop_length is None else loop_length,
+        yarn["diameter"], yarn["bending_rigidity"], law,
+        contact=BarrierContact(yarn["compression_stiffness"]),
+        friction=yarn["friction"] if friction else 0.0,
+        set_fraction=fabric["set"] if set_fraction is None else set_fraction,
+    )  # fmt: skip
+
+
+def resolution_of(fabric):
+    """Resolution that the scene asks for."""
+    rest = fabric.scene["equilibrium_rest"]
+    return Resolution(points=rest["points"], cell=rest["cell"])
+
+
+def curve_dataset(curve, relaxed, strain, breaking_strain, steps):
+    """Dataset of a knitsim.equilibrium Curve, padded to ``steps`` stored states.
+
+    strain: (n,) along the pull.  Rows that were not reached hold no numbers and the status
+    not_converged.
+    """
+    n = curve.steps
+    status = np.full(steps, _STATES.index("not_converged"), dtype=np.int8)
+    status[:n] = np.where(
+        curve.yarn_strain > breaking_strain,
+        _STATES.index("beyond_breaking_strain"),
+        _STATES.index("valid"),
+    )
+
+    def padded(values, fill=np.nan):
+        values = np.asarray(values)
+        out = np.full((steps, *values.shape[1:]), fill, dtype=np.result_type(values, type(fill)))
+        out[:n] = values
+        return out
+
+    variables = {
+        "force_per_loop": padded(curve.force_per_loop),
+        "force_per_width": padded(curve.force_per_width),
+        "yarn_tension": padded(curve.yarn_tension),
+        "yarn_strain": padded(curve.yarn_strain),
+        "transverse_strain": padded(curve.transverse_strain(relaxed)),
+        "wale_spacing": padded(curve.wale_spacing),
+        "course_spacing": padded(curve.course_spacing),
+        "work": padded(curve.work),
+        "dissipated": padded(curve.dissipated),
+        "min_distance": padded(curve.min_distance),
+        "crossings_intact": padded(curve.crossings_intact.astype(np.int8), 0).astype(np.int8),
+        "residual": padded(curve.residual),
+        "iterations": padded(curve.iterations, 0),
+        "numerical_error": padded(curve.numerical_error),
+        "status": status,
+    }
+    points = curve.centreline
+    data = {name: ("step", values) for name, values in variables.items()}
+    data["energy"] = (("step", "term"), padded(curve.energy))
+    data["centreline"] = (("step", "point", "axis"), padded(points))
+    phase = np.array(PHASES)[padded(curve.phase, 0).astype(int)]
+    return xr.Dataset(
+        data,
+        {
+            "step": np.arange(steps),
+            "term": list(ENERGY_TERMS),
+            "point": np.arange(points.shape[1]),
+            "axis": list(AXES),
+            "strain": ("step", padded(strain)),
+            "phase": ("step", phase),
+            "cycle": ("step", padded(curve.cycle, 1)),
+        },
+    )

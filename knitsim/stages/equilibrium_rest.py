@@ -1,0 +1,108 @@
+"""The fabric at rest in the equilibrium model, beside the stated density, Peirce and Munden."""
+
+import numpy as np
+import xarray as xr
+
+from knitsim.configuration.schema import closure
+from knitsim.equilibrium.accuracy import fine_relaxed
+from knitsim.equilibrium.relax import relax
+from knitsim.errors import ComputationError, InputError
+from knitsim.stages.equilibrium import resolution_of, solver_fabric
+from knitsim.stages.laws import ledger_laws
+from knitsim.stages.ledger import effect_dataset
+from knitsim.store.schema import AXES, ENERGY_TERMS
+from knitsim.store.timing import Timings
+from knitsim.store.writer import describe
+
+STAGE = "equilibrium_rest"
+LOOP_LENGTHS = 9
+
+
+def headlines(fabric):
+    """{name: (value, units)} of the relaxed state that the ledger follows."""
+    law = ledger_laws(fabric.yarn)["continuous"]
+    relaxed = relax(solver_fabric(fabric, law), resolution_of(fabric))
+    return {
+        "relaxed wale spacing": (relaxed.wale_spacing, "m"),
+        "relaxed course spacing": (relaxed.course_spacing, "m"),
+    }
+
+
+def _over_loop_length(fabric, law):
+    """Relaxed spacings over loop length and set: (loop lengths, spacings (set, length, 2), reasons)."""
+    test = fabric.scene[STAGE]
+    factors = np.linspace(test["loop_length_low"], test["loop_length_high"], LOOP_LENGTHS)
+    spacings = np.full((len(test["set_compared"]), factors.size, 2), np.nan)
+    reasons = []
+    for i, fraction in enumerate(test["set_compared"]):
+        for j, factor in enumerate(factors):
+            length = factor * fabric["loop_length"]
+            try:
+                relaxed = relax(
+                    solver_fabric(fabric, law, set_fraction=fraction, loop_length=length),
+                    resolution_of(fabric),
+                )
+            except (InputError, ComputationError) as error:
+                reasons.append(f"set {fraction:g}, loop length {1e3 * length:.4g} mm: {error}")
+                continue
+            spacings[i, j] = relaxed.wale_spacing, relaxed.course_spacing
+    return factors * fabric["loop_length"], spacings, reasons
+
+
+def run(fabric, laws):
+    """(dataset, timings) of a FabricInput; laws: TensionLaw of its yarn by form."""
+    timings = Timings(STAGE, fabric.name)
+    law = laws["continuous"]
+    test = fabric.scene[STAGE]
+    built = solver_fabric(fabric, law)
+    resolution = resolution_of(fabric)
+    relaxed = timings.repeat("relaxing", lambda: relax(built, resolution))
+    fine = fine_relaxed(relaxed)
+    with timings.measure("relaxed density over loop length and set"):
+        lengths, spacings, reasons = _over_loop_length(fabric, law)
+    # The finer solution is at second order four times closer: the difference bounds the error.
+    error = max(
+        abs(fine.wale_spacing / relaxed.wale_spacing - 1.0),
+        abs(fine.course_spacing / relaxed.course_spacing - 1.0),
+    )
+    line = relaxed.centreline
+    dataset = xr.Dataset(
+        {
+            "centreline": (("point", "axis"), line),
+            "wale_spacing": relaxed.wale_spacing,
+            "course_spacing": relaxed.course_spacing,
+            "stated_wale_spacing": fabric["wale_spacing"],
+            "stated_course_spacing": fabric["course_spacing"],
+            "loop_length": fabric["loop_length"],
+            "diameter": fabric.yarn["diameter"],
+            "kc": fabric["loop_length"] / relaxed.course_spacing,
+            "kw": fabric["loop_length"] / relaxed.wale_spacing,
+            "energy": ("term", relaxed.energy),
+            "residual": relaxed.residual,
+            "min_distance": relaxed.min_distance,
+            "crossings_intact": np.int8(relaxed.crossings_intact),
+            "iterations": relaxed.iterations,
+            "spacing_error": 2.0 * error,
+            "compared_loop_length": ("compared", lengths),
+            "compared_spacing": (("set", "compared", "spacing"), spacings),
+        },
+        {
+            "point": np.arange(len(line)),
+            "axis": list(AXES),
+            "term": list(ENERGY_TERMS),
+            "set": list(test["set_compared"]),
+            "compared": np.arange(lengths.size),
+            "spacing": ["wale", "course"],
+        },
+    )
+    with timings.measure("effect of the assumptions"):
+        dataset = dataset.merge(effect_dataset(fabric, closure(STAGE), headlines))
+    dataset.attrs["not_reached"] = "; ".join(reasons)
+    config = fabric.config(STAGE)
+    describe(
+        dataset, title=f"Fabric {fabric.name} at rest in the equilibrium model",
+        summary="One interlooped yarn in a periodic lattice, both spacings free, no load.",
+        references=("peirce", "munden"), configuration=config, assumptions=config["assumed"],
+        modules=["knitsim.stages.equilibrium_rest"],
+    )  # fmt: skip
+    return dataset, timings

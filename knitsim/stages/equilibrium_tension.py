@@ -1,0 +1,91 @@
+"""The tension test in the equilibrium model, in every condition that the scene names."""
+
+from functools import partial
+
+import numpy as np
+
+from knitsim.configuration.schema import closure
+from knitsim.equilibrium.relax import relax
+from knitsim.equilibrium.tension import tensile
+from knitsim.stages.equilibrium import curve_dataset, resolution_of, solver_fabric
+from knitsim.stages.laws import ledger_laws
+from knitsim.stages.ledger import effect_dataset
+from knitsim.store.tensile import stack_variants
+from knitsim.store.timing import Timings
+from knitsim.store.writer import describe, to_json
+
+STAGE = "equilibrium_tension"
+# Strains at which the ledger follows the force.
+HEADLINE_STRAINS = (0.2, 0.6)
+
+
+def _strains(choice, direction):
+    top = choice[f"max_strain_{direction}"]
+    return top * np.arange(1, choice["states"] + 1) / choice["states"]
+
+
+def _solve(fabric, law, choice, direction, *, strains=None, estimate_error=True):
+    """(Relaxed, Curve) of one condition."""
+    built = solver_fabric(fabric, law, friction=choice["friction"])
+    relaxed = relax(built, resolution_of(fabric))
+    strains = _strains(choice, direction) if strains is None else strains
+    curve = tensile(
+        relaxed, direction, strains, lateral=choice["lateral"], recovery=choice["recovery"],
+        estimate_error=estimate_error,
+    )  # fmt: skip
+    return relaxed, curve
+
+
+def headlines(fabric, direction):
+    """{name: (value, units)} of the reference condition that the ledger follows."""
+    law = ledger_laws(fabric.yarn)["continuous"]
+    choice = next(iter(fabric.scene[STAGE]["variants"].values()))
+    _, curve = _solve(
+        fabric, law, {**choice, "recovery": False}, direction, strains=HEADLINE_STRAINS,
+        estimate_error=False,
+    )  # fmt: skip
+    return {
+        f"force per width at {100 * strain:g} % strain": (
+            curve.force_per_width[k] if k < curve.steps else np.nan, "N m-1"
+        )
+        for k, strain in enumerate(HEADLINE_STRAINS)
+    }  # fmt: skip
+
+
+def run(fabric, laws, direction):
+    """(dataset, timings) of a FabricInput pulled in one direction; laws: TensionLaw by form."""
+    timings = Timings(STAGE, fabric.name)
+    law = laws["continuous"]
+    choices = fabric.scene[STAGE]["variants"]
+    solved, reasons = {}, {}
+    for name, choice in choices.items():
+        with timings.measure(f"{direction}: {name}, with its error estimate"):
+            solved[name] = _solve(fabric, law, choice, direction)
+        relaxed, curve = solved[name]
+        reasons[name] = curve.stop_reason
+        timings.repeat(
+            f"{direction}: {name}, {curve.steps} states",
+            partial(
+                tensile, relaxed, direction, _strains(choice, direction),
+                lateral=choice["lateral"], recovery=choice["recovery"],
+            ),
+        )  # fmt: skip
+    steps = max(curve.steps for _, curve in solved.values())
+    dataset = stack_variants({
+        name: curve_dataset(curve, relaxed, curve.strain, law.breaking_strain, steps)
+        for name, (relaxed, curve) in solved.items()
+    })  # fmt: skip
+    with timings.measure(f"{direction}: effect of the assumptions"):
+        effects = effect_dataset(fabric, closure(STAGE), partial(headlines, direction=direction))
+    dataset = dataset.merge(effects)
+    dataset["diameter"] = fabric.yarn["diameter"]
+    dataset.attrs["readings"] = to_json(choices)
+    dataset.attrs["stop_reason"] = "; ".join(f"{n}: {r}" for n, r in reasons.items() if r)
+    config = fabric.config(STAGE)
+    describe(
+        dataset, title=f"Equilibrium tensile test of {fabric.name}, {direction} direction",
+        summary="One interlooped yarn in a periodic lattice, in equilibrium in every state.",
+        references=("munden",), configuration=config, assumptions=config["assumed"],
+        modules=["knitsim.stages.equilibrium_tension"],
+    )  # fmt: skip
+    return dataset, timings

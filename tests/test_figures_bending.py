@@ -1,0 +1,188 @@
+"""Figures of the bending test, and the images of a bent loop, against bending the whole fabric."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from knitsim.configuration.study import load_study
+from knitsim.errors import InputError
+from knitsim.figures import bending, style
+from knitsim.figures.bending import angles_of_sections
+from knitsim.figures.images import bent_fabric, turn_along
+from knitsim.kinematic.bending import bending_test, bent_points
+from knitsim.stages import kinematic_bending
+from knitsim.stages.laws import calibration_of, laws_of
+
+SMALL = Path(__file__).parents[1] / "config" / "small"
+
+
+@pytest.fixture(scope="module")
+def datasets():
+    fabric = load_study(SMALL).fabrics["small"]
+    laws = laws_of(fabric.yarn, calibration_of(fabric.yarn))
+    return {
+        f"bending_{direction}": kinematic_bending.run(fabric, laws, direction)[0]
+        for direction in ("course", "wale")
+    }
+
+
+def draw(stem, datasets):
+    function, needed = bending.FIGURES[stem]
+    with style.context():
+        return function(**{name: datasets[name] for name in needed})
+
+
+@pytest.fixture(scope="module")
+def figures(datasets):
+    return {stem: draw(stem, datasets) for stem in bending.FIGURES}
+
+
+@pytest.mark.parametrize("direction", ["course", "wale"])
+@pytest.mark.parametrize("curvature", [-250.0, -1e-6, 0.0, 1e-6, 250.0])
+def test_images_are_the_fabric_bent_as_a_whole(cotton_loop, cotton_law, direction, curvature):
+    loop, wide, high = cotton_loop, 4, 3
+    curve = bending_test(loop, cotton_law, direction, np.array([curvature]), np.array([False]))
+    line = loop.points(np.arange(41) / 40)
+    bent = bent_points(curve, line)[0]
+    courses = bent_fabric(
+        bent, curvature, direction, loop.wale_spacing, loop.course_spacing, wide, high
+    )
+    assert len(courses) == high
+    for row, course in enumerate(courses):
+        flat = np.concatenate(
+            [line[:-1] + [k * loop.wale_spacing, 0.0, 0.0] for k in range(wide)]
+            + [line[:1] + [wide * loop.wale_spacing, 0.0, 0.0]]
+        )
+        flat += [-0.5 * wide * loop.wale_spacing, (row - 0.5 * high) * loop.course_spacing, 0.0]
+        expected = bent_points(curve, flat)[0]
+        assert np.abs(course - expected).max() < 1e-14 + 1e-12 * loop.wale_spacing
+
+
+def test_images_without_curvature_are_shifts_and_a_full_turn_closes():
+    points = np.array([[0.1, 0.2, 0.3], [0.4, -0.1, 0.2]])
+    assert np.array_equal(turn_along(points, 0.0, "course", 2.0), points + [2.0, 0.0, 0.0])
+    assert np.array_equal(turn_along(points, 0.0, "wale", 2.0), points + [0.0, 2.0, 0.0])
+    closed = turn_along(points, 0.5, "wale", 2.0 * np.pi / 0.5)
+    assert np.allclose(closed, points, atol=1e-14)
+    # A quarter of the circle of radius 2 about the axis at thickness -2.
+    quarter = turn_along(np.zeros((1, 3)), 0.5, "course", 0.5 * np.pi / 0.5)
+    assert np.allclose(quarter, [[2.0, 0.0, -2.0]], atol=1e-14)
+
+
+def test_images_refuse_what_is_not_a_loop():
+    with pytest.raises(InputError, match="direction"):
+        turn_along(np.zeros((3, 3)), 1.0, "thickness", 1.0)
+    with pytest.raises(InputError, match="centreline"):
+        bent_fabric(np.full((5, 3), np.nan), 1.0, "course", 1.0, 1.0, 2, 2)
+
+
+@pytest.mark.parametrize("curvature", [-300.0, 300.0])
+def test_angles_of_sections_of_known_arcs(curvature):
+    s, x0 = np.array([2e-4, 1e-3, 3e-3]), np.array([1e-4, -1e-4, 0.0])
+    radius = 1.0 / curvature + x0
+    points = np.zeros((3, 3))
+    points[:, 1] = radius * np.sin(curvature * s)
+    points[:, 2] = radius * np.cos(curvature * s) - 1.0 / curvature
+    assert np.allclose(
+        angles_of_sections(points, curvature, 1, "corrected"), curvature * s, rtol=1e-12
+    )
+    # Eqs (8), (9) as printed, on a model of length L.
+    angle = curvature * s
+    points[:, 1] = 2e-3 * np.sin(angle) / angle
+    points[:, 2] = -2e-3 * (1.0 - np.cos(angle)) / angle
+    assert np.allclose(angles_of_sections(points, curvature, 1, "printed"), angle, rtol=1e-10)
+
+
+@pytest.mark.parametrize(("row", "direction", "spacing"), [(0, "course", 0.9), (1, "wale", 0.7)])
+def test_curvature_is_constant_when_corrected_and_grows_as_printed(
+    row, direction, spacing, datasets, figures
+):
+    dataset = datasets[f"bending_{direction}"]
+    axes = np.array(figures["fig10_bending_curvature"].axes).reshape(2, 3)[row]
+    curvatures = [-2.5, -1.25, 1.25, 2.5]
+    assert np.allclose(dataset.curvature.values, [-250.0, -125.0, 0.0, 125.0, 250.0])
+    for curvature, colour in zip(curvatures, bending.CURVATURE_COLOURS, strict=True):
+        angles = [line for line in axes[0].lines if line.get_color() == colour]
+        used = [line for line in axes[1].lines if line.get_color() == colour]
+        assert len(angles) == len(used) == 2
+        for line in angles:
+            x, angle = line.get_xydata().T
+            known = np.isfinite(x)
+            # Degrees: per cm times mm is a tenth of a radian.
+            assert np.allclose(angle[known], np.degrees(0.1 * curvature * x[known]), atol=1e-4)
+        for line in used:
+            x, value = line.get_xydata().T
+            known = np.isfinite(x)
+            assert known.sum() > 15
+            grows = curvature * x / spacing if line.get_linestyle() != "-" else curvature
+            assert np.allclose(value[known], np.broadcast_to(grows, x.shape)[known], atol=1e-4)
+
+
+def test_positions_in_the_figure_are_those_of_the_file(datasets, figures):
+    ax = figures["fig10_bending_curvature"].axes[2]
+    for step, colour in zip((0, 1, 3, 4), bending.CURVATURE_COLOURS, strict=True):
+        for marker, form in (("o", "corrected"), ("x", "printed")):
+            (line,) = (
+                li for li in ax.lines if li.get_color() == colour and li.get_marker() == marker
+            )
+            points = datasets["bending_course"].sel(variant=form).centreline.values[step]
+            assert np.allclose(
+                line.get_xydata(), points[:, [0, 2]] * 1e3, rtol=1e-12, equal_nan=True
+            )
+
+
+def test_bent_fabrics_name_curvature_side_and_yarn_strain(datasets, figures):
+    titles = [ax.get_title() for ax in figures["fig11_bending"].axes]
+    assert len(titles) == 12
+    for k, direction in enumerate(("course", "wale")):
+        curve = datasets[f"bending_{direction}"].sel(variant="corrected")
+        for title, step, curvature, side in zip(
+            titles[6 * k : 6 * k + 5], range(5), ("-2.5", "-1.25", "0", "+1.25", "+2.5"),
+            ("back convex", "back convex", "flat", "face convex", "face convex"), strict=True,
+        ):  # fmt: skip
+            assert title.startswith(f"{curvature} per cm, {side}")
+            strain = 100.0 * float(curve.yarn_strain[step])
+            assert f"yarn {strain + 0.0:+.2f} %" in title
+        assert "as printed" in titles[6 * k + 5]
+    assert "0/0" in figures["fig11_bending"].get_supxlabel()
+
+
+def test_states_beyond_break_are_marked(datasets):
+    broken = {name: data.copy(deep=True) for name, data in datasets.items()}
+    broken["bending_course"].status.loc[{"variant": "corrected", "step": 4}] = 1
+    axes = draw("fig11_bending", broken).axes
+    assert ["beyond break" in ax.get_title() for ax in axes] == [k == 4 for k in range(12)]
+    texts = [text.get_text() for text in draw("fig10_bending_curvature", broken).legends[0].texts]
+    assert [t for t in texts if "beyond break" in t] == ["+2.5 per cm (beyond break)"]
+
+
+def test_axes_have_units_and_the_title_its_fabric(figures):
+    for fig in figures.values():
+        assert "small" in fig.get_suptitle()
+    for ax in figures["fig10_bending_curvature"].axes:
+        assert ax.get_xlabel().endswith("(mm)")
+        assert ax.get_ylabel().endswith(("(mm)", "(1/cm)", "(degrees)"))
+    for ax in figures["fig11_bending"].axes:
+        assert ax.images
+        assert ax.texts[0].get_text().endswith(" mm")  # its scale bar
+
+
+@pytest.mark.parametrize("stem", bending.FIGURES)
+def test_saved_files_are_the_same_twice(stem, datasets, figures, tmp_path):
+    first = style.save(figures[stem], tmp_path / "first")
+    second = style.save(draw(stem, datasets), tmp_path / "second")
+    for one, other in zip(first, second, strict=True):
+        content = one.read_bytes()
+        assert content == other.read_bytes()
+        assert 5_000 < len(content) < 1_500_000
+
+
+def test_without_the_printed_form_only_the_corrected_one_is_drawn(datasets):
+    kept = {name: data.sel(variant=["corrected"]) for name, data in datasets.items()}
+    axes = draw("fig11_bending", kept).axes
+    assert [ax.axison or bool(ax.images) for ax in axes] == ([True] * 5 + [False]) * 2
+    line_styles = {
+        li.get_linestyle() for li in draw("fig10_bending_curvature", kept).axes[1].lines[:-2]
+    }
+    assert line_styles == {"-"}

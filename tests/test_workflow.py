@@ -1,0 +1,610 @@
+"""The workflow as a user runs it: from the command line, in a directory of its own.
+
+One run of the small study, with a sweep added to it, is shared by all tests (and all processes of
+pytest-xdist); tests that change anything work on a copy.
+"""
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+ROOT = Path(__file__).resolve().parents[1]
+STUDY = "config/small"
+# A sweep of two fabrics with one test in one direction, beside the fabric of the small study.
+SWEEP = """
+bent:
+  yarn: small
+  wale_spacing_mm: 0.9
+  course_spacing_mm: 0.7
+  loop_length_mm: [3.3, 3.35]
+  sections_per_loop: 16
+  scene: bending_only
+"""
+SCENE = """
+bending_only:
+  kinematic_bending: {steps: 2, directions: [course], loops: 1.0}
+"""
+BENT = ("bent_loop_length_mm=3.3", "bent_loop_length_mm=3.35")
+
+
+@dataclass(frozen=True)
+class Job:
+    """One job of a dry run."""
+
+    rule: str
+    inputs: frozenset
+    outputs: frozenset
+    wildcards: dict
+
+    def __hash__(self):
+        return hash((self.rule, self.outputs))
+
+
+class Project:
+    """A working directory with its own configuration and results, and sources that it runs."""
+
+    def __init__(self, folder, sources=ROOT):
+        self.folder, self.sources = Path(folder), Path(sources)
+        self.results = self.folder / "results"
+
+    def command(self, *arguments, study=STUDY):
+        snakefile = str(self.sources / "Snakefile")
+        # --config takes all words that follow, so it comes last.
+        return [
+            sys.executable, "-m", "snakemake", "--snakefile", snakefile, *arguments,
+            "--config", f"study={study}",
+        ]  # fmt: skip
+
+    def environment(self):
+        # The sources of this project come first, wherever knitsim is installed from.
+        return os.environ | {"PYTHONPATH": str(self.sources)}
+
+    def run(self, *arguments, study=STUDY, succeeds=True):
+        done = subprocess.run(
+            self.command(*arguments, study=study), cwd=self.folder, env=self.environment(),
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=500,
+        )  # fmt: skip
+        if succeeds:
+            assert done.returncode == 0, done.stdout
+        else:
+            assert done.returncode != 0, done.stdout
+        return done.stdout
+
+    def start(self, *arguments):
+        """A run in a process group of its own."""
+        return subprocess.Popen(
+            self.command(*arguments), cwd=self.folder, env=self.environment(),
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+        )  # fmt: skip
+
+    def planned(self, *arguments):
+        """The jobs that a run would do now."""
+        found = set()
+        text = self.run("--dry-run", *arguments)
+        blocks = re.split(r"^(?:local)?rule (\w+):$", text, flags=re.MULTILINE)
+        for rule, block in zip(blocks[1::2], blocks[2::2], strict=True):
+            lists = {
+                name: line.split(", ")
+                for name, line in re.findall(r"^    (\w+): (.*)$", block, flags=re.MULTILINE)
+            }
+            wildcards = dict(word.split("=", 1) for word in lists.get("wildcards", []))
+            outputs = frozenset(lists.get("output", []))
+            found.add(Job(rule, frozenset(lists.get("input", [])), outputs, wildcards))
+        assert found or "Nothing to be done" in text
+        return {job for job in found if job.rule != "all"}
+
+    def edit(self, file, old, new):
+        path = self.folder / file
+        text = path.read_text()
+        assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in {file}"
+        path.write_text(text.replace(old, new))
+
+    def files(self, pattern="**/*"):
+        """Content of the result files by path; run times and logs left out."""
+        return {
+            path.relative_to(self.results).as_posix(): path.read_bytes()
+            for path in sorted(self.results.glob(pattern))
+            if path.is_file() and not path.name.startswith(".snakemake")
+            and "benchmark" not in path.parts and path.name != "timing.csv"
+        }  # fmt: skip
+
+    def copy(self, folder, sources=None):
+        """This project in ``folder``, as Snakemake sees it: times of files are kept."""
+        shutil.copytree(self.folder, folder, dirs_exist_ok=True)
+        return Project(folder, sources or self.sources)
+
+
+def below(jobs, first):
+    """``first`` and every one of ``jobs`` that needs them, directly or not."""
+    found, grew = set(first), True
+    while grew:
+        made = frozenset().union(*(job.outputs for job in found))
+        more = {job for job in jobs if job.inputs & made} - found
+        found, grew = found | more, bool(more)
+    return found
+
+
+def once(factory, name, build):
+    """``build(folder)`` in a folder that all processes of this test run share; its folder."""
+    root = factory.getbasetemp()
+    root = root.parent if "PYTEST_XDIST_WORKER" in os.environ else root
+    folder, done, failed = root / name, root / f"{name}.done", root / f"{name}.failed"
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        deadline = time.monotonic() + 600
+        while not done.exists():
+            assert not failed.exists(), f"{name} failed in another process of this test run"
+            assert time.monotonic() < deadline, f"{name} takes too long"
+            time.sleep(0.1)
+        return folder
+    try:
+        build(folder)
+    except BaseException:
+        failed.touch()
+        raise
+    done.touch()
+    return folder
+
+
+def fresh(folder):
+    """A project with the small study and the sweep, nothing run yet."""
+    shutil.copytree(ROOT / "config", folder / "config")
+    for name, text in (("fabrics", SWEEP), ("scenes", SCENE)):
+        with (folder / STUDY / f"{name}.yaml").open("a") as file:
+            file.write(text)
+    return Project(folder)
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory):
+    """The project after its run, not to be changed; its log is in log.txt."""
+
+    def build(folder):
+        (folder / "log.txt").write_text(fresh(folder).run("-c2"))
+
+    return Project(once(tmp_path_factory, "finished", build))
+
+
+@pytest.fixture(scope="session")
+def every_job(finished):
+    return finished.planned("--forceall")
+
+
+@pytest.fixture
+def project(finished, tmp_path):
+    """A copy of the finished project."""
+    return finished.copy(tmp_path)
+
+
+# The finished run
+
+
+def test_all_that_is_declared_is_made_and_nothing_else(finished, every_job):
+    rules = {job.rule for job in every_job}
+    assert {"compile", "yarn", "loop", "kinematic_tension", "kinematic_bending", "tables"} <= rules
+    declared = {finished.folder / output for job in every_job for output in job.outputs}
+    assert all(path.exists() for path in declared)
+    logs = finished.results / "benchmark/logs"
+    for path in finished.results.rglob("*"):
+        if path.is_file() and path.name != ".snakemake_timestamp":
+            inside = {path, *path.parents} & declared or logs in path.parents
+            assert inside, f"{path} is made by no rule"
+            assert not path.name.startswith("."), f"{path} is left over"
+            assert not path.name.endswith((".part", ".tmp"))
+
+
+def test_the_run_is_quiet(finished):
+    log = (finished.folder / "log.txt").read_text()
+    assert not re.findall(r".*(?:Warning|Traceback|Error).*", log)
+    assert all(not path.read_text() for path in finished.results.glob("benchmark/logs/*.log"))
+
+
+def test_nothing_to_do(finished):
+    assert finished.planned() == set()
+
+
+def test_a_sweep_has_results_for_each_point(finished):
+    for name, length in zip(BENT, (3.3e-3, 3.35e-3), strict=True):
+        with xr.open_dataset(finished.results / f"loop/{name}.nc") as loop:
+            assert float(loop["loop_length"]) == pytest.approx(length, rel=1e-9)
+        assert (finished.results / f"bending/{name}/kinematic_course.nc").exists()
+        assert not (finished.results / f"bending/{name}/kinematic_wale.nc").exists()
+        assert not (finished.results / f"tensile/{name}").exists()
+
+
+def test_results_elsewhere(finished, tmp_path):
+    project = fresh(tmp_path)
+    command = [*project.command("--dry-run"), "results=some/where"]
+    done = subprocess.run(
+        command, cwd=tmp_path, env=project.environment(), capture_output=True, text=True, check=True
+    )
+    paths = re.findall(r"^    (?:output|log): (.*)$", done.stdout, flags=re.MULTILINE)
+    assert len(paths) > 10
+    assert all(path.startswith("some/where/") for line in paths for path in line.split(", "))
+
+
+def test_lint(finished):
+    finished.run("--lint")
+
+
+# The contract with the readers of the files: names, dimensions and units, written down here again.
+
+ATTRIBUTES = {
+    "title", "summary", "source", "references", "Conventions", "schema_version", "knitsim_version",
+    "source_hash", "configuration", "assumptions",
+}  # fmt: skip
+STATES = ("variant", "step")
+LINE = (*STATES, "point", "axis")
+TENSILE = {
+    "force_per_loop": (STATES, "N"), "force_per_width": (STATES, "N m-1"),
+    "yarn_tension": (STATES, "N"), "yarn_strain": (STATES, "1"),
+    "transverse_strain": (STATES, "1"), "wale_spacing": (STATES, "m"),
+    "course_spacing": (STATES, "m"), "energy": ((*STATES, "term"), "J"), "work": (STATES, "J"),
+    "dissipated": (STATES, "J"), "centreline": (LINE, "m"), "min_distance": (STATES, "1"),
+    "status": (STATES, None),
+}  # fmt: skip
+BENDING = {
+    "moment_per_width": (STATES, "N"), "wale_spacing": (STATES, "m"),
+    "course_spacing": (STATES, "m"), "energy": ((*STATES, "term"), "J"),
+    "centreline": (LINE, "m"), "status": (STATES, None),
+}  # fmt: skip
+CONTRACT = {
+    "tensile/small/kinematic_course.nc": TENSILE,
+    "tensile/small/kinematic_wale.nc": TENSILE,
+    "bending/small/kinematic_course.nc": BENDING,
+    "bending/small/kinematic_wale.nc": BENDING,
+    f"bending/{BENT[0]}/kinematic_course.nc": BENDING,
+    "loop/small.nc": {
+        "centreline": (("point", "axis"), "m"), "fibre_point": (("section", "fibre", "axis"), "m"),
+        "tangent": (("section", "axis"), "1"), "wale_spacing": ((), "m"), "loop_length": ((), "m"),
+        "over": (("crossing",), None), "tightness_factor": ((), "tex0.5 cm-1"),
+    },
+    "yarn/small.nc": {
+        "law_strain": (("form", "vertex"), "1"), "law_tension": (("form", "vertex"), "N"),
+        "fibre_position": (("fibre", "section_axis"), "m"), "yarn_tension": (STATES, "N"),
+        "linear_density": ((), "kg m-1"),
+    },
+}  # fmt: skip
+LABELS = {
+    "axis": ["course", "wale", "thickness"], "term": ["stretch", "bend", "contact"]
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("path", CONTRACT)
+def test_files_keep_the_contract(finished, path):
+    with xr.open_dataset(finished.results / path) as dataset:
+        for name, (dims, units) in CONTRACT[path].items():
+            variable = dataset[name]
+            assert variable.dims == dims, name
+            assert variable.attrs.get("units") == units, name
+            if units is not None:
+                assert variable.dtype == np.float64, name
+                assert np.isfinite(variable.sel(variant=dataset["variant"][0]) if "variant" in dims
+                                   else variable).all(), name  # fmt: skip
+        if path.startswith(("tensile", "bending")):
+            along, units = ("strain", "1") if path.startswith("tensile") else ("curvature", "m-1")
+            assert {along, "phase", "cycle", "variant", "step"} <= set(dataset.coords)
+            assert dataset[along].attrs["units"] == units
+            assert set(dataset["phase"].values) <= {"loading", "recovery"}
+            assert set(dataset["cycle"].values) == {1}
+
+
+def test_every_file_describes_itself(finished):
+    paths = sorted(finished.results.rglob("*.nc"))
+    assert len(paths) >= 10
+    for path in paths:
+        with xr.open_dataset(path) as dataset:
+            assert set(dataset.attrs) >= ATTRIBUTES, path
+            assert not any("date" in name or name == "history" for name in dataset.attrs), path
+            configuration = json.loads(dataset.attrs["configuration"])
+            assert configuration["name"] in path.relative_to(finished.results).as_posix()
+            assumed = {row["key"]: row for row in json.loads(dataset.attrs["assumptions"])}
+            assert all(row["because"] for row in assumed.values())
+            if path.parts[-2] == "loop":
+                # Left to Peirce's rule by the study; stated by it.
+                assert "diameter_mm" in assumed and "loop_length_mm" not in assumed
+                assert "diameter" in configuration["yarn"]["values"]
+            for name, variable in dataset.variables.items():
+                assert variable.attrs.get("long_name"), f"{path}: {name}"
+                if "flag_meanings" in variable.attrs:
+                    known = set(variable.attrs["flag_values"])
+                    assert set(np.unique(variable.values)) <= known, f"{path}: {name}"
+            for name in set(LABELS) & set(dataset.coords):
+                assert dataset[name].values.tolist() == LABELS[name]
+
+
+# What a change makes run again
+
+
+def test_a_changed_density_reruns_that_fabric_and_what_shows_it(project, every_job):
+    # The sweep has the same spacings: change the first entry only.
+    text = (project.folder / STUDY / "fabrics.yaml").read_text()
+    changed = text.replace("course_spacing_mm: 0.7", "course_spacing_mm: 0.71", 1)
+    assert changed != text
+    (project.folder / STUDY / "fabrics.yaml").write_text(changed)
+    planned = project.planned()
+    own = {job for job in every_job if job.wildcards.get("fabric") == "small"}
+    assert {"loop", "kinematic_tension", "kinematic_bending"} <= {job.rule for job in own}
+    assert planned == below(every_job, own)
+    assert not {"yarn", "compile"} & {job.rule for job in planned}
+    assert {job.wildcards.get("fabric", "small") for job in planned} == {"small"}
+    assert "tables" in {job.rule for job in planned}
+
+
+def test_a_new_point_of_a_sweep_runs_that_point_and_what_shows_it(project, every_job):
+    project.edit(f"{STUDY}/fabrics.yaml", "[3.3, 3.35]", "[3.3, 3.35, 3.4]")
+    planned = project.planned()
+    new = {job for job in planned if job.wildcards.get("fabric") == "bent_loop_length_mm=3.4"}
+    assert {"loop", "kinematic_bending"} <= {job.rule for job in new}
+    assert all("fabric" not in job.wildcards for job in planned - new)
+    gathering = {job.rule for job in every_job if not job.wildcards}
+    assert {job.rule for job in planned - new} <= gathering
+    assert "tables" in {job.rule for job in planned}
+
+
+def test_a_changed_test_reruns_that_test_and_what_shows_it(project, every_job):
+    project.edit(f"{STUDY}/scenes.yaml", "kinematic_bending: {steps: 4}", "kinematic_bending: {}")
+    own = {
+        job
+        for job in every_job
+        if job.rule == "kinematic_bending" and job.wildcards["fabric"] == "small"
+    }
+    assert len(own) == 2
+    assert project.planned() == below(every_job, own)
+
+
+@pytest.fixture(scope="module")
+def moved(finished, tmp_path_factory):
+    """The finished project with a copy of the sources, and its jobs; sources to be put back."""
+    folder = tmp_path_factory.mktemp("moved")
+    sources = folder / "sources"
+    for name in ("knitsim", "workflow", "config"):
+        shutil.copytree(ROOT / name, sources / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy2(ROOT / "Snakefile", sources)
+    project = finished.copy(folder / "work", sources)
+    # The sources lie elsewhere now: take the results as theirs.
+    project.run("--touch", "-c1")
+    assert project.planned() == set()
+    return project
+
+
+@pytest.fixture
+def edited(moved):
+    """Add a comment to a module of the moved sources, for one test."""
+    before = []
+
+    def edit(path):
+        file = moved.sources / path
+        before.append((file, file.read_text(), file.stat()))
+        file.write_text(before[-1][1] + "# Edited.\n")
+        return moved.planned()
+
+    yield edit
+    for file, text, status in before:
+        file.write_text(text)
+        os.utime(file, ns=(status.st_atime_ns, status.st_mtime_ns))
+
+
+def test_an_edited_bending_kernel_reruns_bending_and_what_depends_on_it(edited, every_job):
+    planned = edited("knitsim/kinematic/bending_kernels.py")
+    own = {job for job in every_job if job.rule in ("kinematic_bending", "compile")}
+    assert planned == below(every_job, own)
+    assert {"kinematic_bending", "tables"} <= {job.rule for job in planned}
+    assert not {"kinematic_tension", "yarn", "loop"} & {job.rule for job in planned}
+
+
+def test_an_edited_loop_module_reruns_the_fabric_and_not_the_yarn(edited):
+    rules = {job.rule for job in edited("knitsim/loop/centreline.py")}
+    assert {"loop", "kinematic_tension", "kinematic_bending"} <= rules
+    assert not {"yarn", "compile"} & rules
+
+
+def test_an_edited_figure_module_reruns_figures_only(edited, every_job):
+    figures = {job for job in every_job if any("/figures/" in path for path in job.outputs)}
+    assert edited("knitsim/figures/style.py") == below(every_job, figures)
+
+
+def test_an_edited_script_reruns_its_rule(edited, every_job):
+    own = {job for job in every_job if job.rule == "loop"}
+    assert edited("workflow/scripts/loop.py") == below(every_job, own)
+
+
+# Interruptions
+
+
+def wait_for(condition, process, seconds=300):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert process.poll() is None, "the run ended before it could be interrupted"
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def interrupted_by_kill(project, moment):
+    """Kill the run and all its jobs as soon as a file fits ``moment``."""
+    with project.start("-c2") as process:
+        try:
+            wait_for(lambda: any(project.results.glob(moment)), process)
+        finally:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def resume_after_kill(project, finished):
+    # Killed in the middle: otherwise this proves nothing.
+    assert set(project.files()) < set(finished.files())
+    project.run("--unlock")
+    project.run("-c2", "--rerun-incomplete")
+    assert project.files() == finished.files()
+    assert not [path for path in project.results.rglob("*.part")]
+
+
+def test_kill_in_the_middle_then_resume(project, finished):
+    shutil.rmtree(project.results / "bending")
+    shutil.rmtree(project.results / "tables")
+    interrupted_by_kill(project, "bending/*/*.nc")
+    resume_after_kill(project, finished)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "moment",
+    [
+        "benchmark/logs/compile_*.log",
+        "benchmark/stages/compile_yarn.csv",
+        "benchmark/logs/yarn_small.log",
+        "yarn/small.nc",
+        "loop/.*.part",
+        "tensile/small/*.nc",
+        "tables/*",
+    ],
+)
+def test_kill_at_any_moment_then_resume(tmp_path, finished, moment):
+    project = fresh(tmp_path)
+    interrupted_by_kill(project, moment)
+    resume_after_kill(project, finished)
+
+
+def test_terminate_then_plain_rerun_gives_the_same_bytes(project, finished):
+    """All results anew, so that this is the second run that gives the same bytes."""
+    for path in project.results.iterdir():
+        if path.name != "benchmark":
+            shutil.rmtree(path)
+    with project.start("-c2") as process:
+        wait_for(lambda: any(project.results.glob("loop/*.nc")), process)
+        process.terminate()
+        assert process.wait(timeout=300) != 0
+    kept = {
+        path: path.stat().st_mtime_ns
+        for job in finished.planned("--forceall")
+        for path in (project.folder / output for output in job.outputs)
+        if path.is_file() and "benchmark" not in path.parts
+    }
+    done = project.files()
+    assert done and set(done) < set(finished.files())
+    project.run("-c2")
+    assert project.files() == finished.files()
+    # What was finished is not made again.
+    loops = [path for path in kept if path.parent.name == "loop"]
+    assert loops and all(path.stat().st_mtime_ns == kept[path] for path in loops)
+
+
+@pytest.mark.slow
+def test_two_runs_give_the_same_bytes(project, finished):
+    shutil.rmtree(project.results)
+    project.run("-c2")
+    assert project.files() == finished.files()
+
+
+# Refusals and failures
+
+
+def write_curve(project):
+    rows = "".join(f"{0.002 * k:.3f},{0.1 * k:.2f}\n" for k in range(30))
+    rows = rows.replace("0.020,1.00", "0.020,nan")
+    (project.folder / STUDY / "curve.csv").write_text(f"# measured\nstrain,force_N\n{rows}")
+    project.edit(
+        f"{STUDY}/yarns.yaml",
+        "tension_law: {kind: points, strain: [0, 0.02, 0.08], tension_N: [0, 0.6, 3.0]}",
+        "tension_curve: {file: curve.csv, kind: two_slope}",
+    )
+
+
+def change(file, old, new):
+    return lambda project: project.edit(f"{STUDY}/{file}.yaml", old, new)
+
+
+LENGTH = "loop_length_mm: 3.3\n"
+REFUSED = {
+    "misspelt key": (
+        change("fabrics", LENGTH, "loop_lenght_mm: 3.3\n"),
+        ["config/small/fabrics.yaml: small.loop_lenght_mm", "loop_length_mm"],
+    ),
+    "negative density": (
+        change("fabrics", LENGTH, f"{LENGTH}  wales_per_cm: -3\n"),
+        ["config/small/fabrics.yaml: small.wales_per_cm = -3", "above 0"],
+    ),
+    "short loop": (
+        change("fabrics", LENGTH, "loop_length_mm: 2.5\n"),
+        ["config/small/fabrics.yaml: small.loop_length_mm = 2.5", "must be at least"],
+    ),
+    "missing file": (
+        lambda project: (project.folder / STUDY / "scenes.yaml").unlink(),
+        ["config/small/scenes.yaml: no such file"],
+    ),
+    "missing curve": (
+        change("yarns", "count_tex: 20", "count_tex: 20\n  tension_curve: {file: no.csv, kind: bilinear}"),
+        ["config/small/yarns.yaml: small.tension_curve.file = 'no.csv': no such file"],
+    ),
+    "curve with NaN": (write_curve, ["config/small/curve.csv:13", "nan"]),
+}  # fmt: skip
+
+
+def refusal(project, *arguments, study=STUDY):
+    """The one line with which a run refuses its input."""
+    lines = project.run("-c2", *arguments, study=study, succeeds=False).strip().splitlines()
+    assert len(lines) == 1, lines
+    assert not project.results.exists()
+    return lines[0]
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_bad_input_is_refused_in_one_line(tmp_path, case):
+    project = fresh(tmp_path)
+    break_it, words = REFUSED[case]
+    break_it(project)
+    line = refusal(project)
+    assert line.startswith("knitsim: ")
+    for word in words:
+        assert word in line
+    if case == "short loop":
+        # What the message says would be right is right.
+        least = re.search(r"must be at least ([\d.]+) mm", line)[1]
+        project.edit(f"{STUDY}/fabrics.yaml", "loop_length_mm: 2.5", f"loop_length_mm: {least}")
+        assert project.planned()
+
+
+def test_bad_arguments_are_refused_in_one_line(tmp_path):
+    project = fresh(tmp_path)
+    assert refusal(project, study="nowhere") == (
+        "knitsim: nowhere/scenes.yaml: no such file; a study has yarns, fabrics, scenes"
+    )
+    done = subprocess.run(
+        [*project.command("-c2"), "fabric=small"], cwd=tmp_path, env=project.environment(),
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode != 0 and not project.results.exists()
+    assert (done.stdout + done.stderr).strip() == (
+        "knitsim: --config fabric = small: must be study=DIR or results=DIR"
+    )
+
+
+def test_a_failed_job_says_where_and_why_and_leaves_the_others(project, finished):
+    # Friction far above the tension of the yarn: valid input of a test that cannot recover.
+    project.edit(
+        f"{STUDY}/scenes.yaml", "max_strain: 0.03",
+        "max_strain: 0.03, viscous_coefficient_N_s_per_m: 1.0e+8",
+    )  # fmt: skip
+    output = project.run("-c2", succeeds=False)
+    said = [line for line in output.splitlines() if line.startswith("knitsim: ")]
+    assert len(said) == 1
+    assert "config/small/yarns.yaml: small" in said[0] and "friction" in said[0]
+    assert "Traceback" not in output
+    log = (project.results / "benchmark/logs/yarn_small.log").read_text()
+    assert "ComputationError" in log and said[0].removeprefix("knitsim: ") in log
+    # No old result stands in for the failed one; those of the other jobs stay.
+    assert not (project.results / "yarn/small.nc").exists()
+    kept, before = project.files("**/*.nc"), finished.files("**/*.nc")
+    assert kept == {path: content for path, content in before.items() if path != "yarn/small.nc"}
