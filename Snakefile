@@ -5,6 +5,7 @@
 """
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/compile.smk"
 include: "workflow/rules/yarn.smk"
 include: "workflow/rules/fabric.smk"
 include: "workflow/rules/output.smk"

@@ -262,6 +262,12 @@ def test_yarn_without_curve_or_test(small):
         yarn_tension.fig12_yarn_tension(small.drop_vars("yarn_tension"))
 
 
+def test_a_test_without_recovery_says_nothing_of_it(polyester):
+    loading = polyester.isel(step=np.flatnonzero(polyester["phase"].values == "loading"))
+    assert "recovery" in said(yarn_tension.fig12_yarn_tension(polyester))
+    assert "recovery" not in said(yarn_tension.fig12_yarn_tension(loading))
+
+
 def test_a_yarn_of_one_fibre_draws(tmp_path):
     one = stage.run(load_study(CONFIG / "small").yarns["small"].with_value("fibres", 1))[0]
     assert one.sizes["fibre"] == 1

@@ -24,6 +24,7 @@ from knitsim.jit import njit
 CONVERGED, TOO_MANY, NO_DESCENT, NOT_FINITE = 0, 1, 2, 3
 ARMIJO = 1e-4
 ROUND_OFF = 1e-13  # relative to the energy
+HALVINGS = 30
 
 
 class Control(NamedTuple):
@@ -257,74 +258,84 @@ def minimise(scene, y, free, slip, control, work):
     Returns status, iterations, residual (N).  Afterwards work.factor holds the factor at the last
     point but one, work.hessian the Hessian there, work.gradient and work.terms the values at y.
     """
-    pairs = pairs_at(scene, y, control.skin, work)
-    moved = 0.0
-    energy = energy_of(scene, y, pairs, slip, 1, work)
-    residual = residual_of(work.gradient, scene.scale, free)
-    if not (math.isfinite(energy) and math.isfinite(residual)):
-        return NOT_FINITE, 0, residual
+    # Every point is evaluated at one place of the loop below: twice the calls would take twice as
+    # long to compile.  ``searching``: point = y + length step is on trial; otherwise it is a start.
+    point, kept = y.copy(), y.copy()
     step = np.zeros(y.size)
     rhs = np.empty(free.size)
-    trial = np.empty(y.size)
-    kept, kept_energy, kept_residual, on_trust, trust = y.copy(), energy, residual, 0, control.trust
-    for iteration in range(control.limit):
+    energy = kept_energy = math.inf
+    residual = slope = size = length = moved = reached = 0.0
+    searching, relist = False, True
+    iteration = halvings = on_trust = 0
+    trust = control.trust
+    pairs = (np.empty((0, 3), dtype=np.int64), np.empty(0))
+    while True:
+        if relist:
+            pairs = pairs_at(scene, point, control.skin, work)
+            relist = False
+        new = energy_of(scene, point, pairs, slip, 1, work)
+        after = residual_of(work.gradient, scene.scale, free)
+        finite = math.isfinite(new) and math.isfinite(after)
+        restore = False
+        if searching:
+            accepted = finite and (
+                new <= energy + ARMIJO * length * slope
+                or (abs(new - energy) <= ROUND_OFF * abs(energy) and after < residual)
+            )
+            if finite and not accepted and on_trust < trust:
+                on_trust += 1
+                accepted = True
+            if accepted:
+                moved = reached
+                restore = on_trust > 0 and on_trust >= trust and new >= kept_energy
+            elif halvings < HALVINGS:
+                halvings += 1
+                length *= 0.5
+                point[:] = y + length * step
+                reached = moved + length * size
+                continue
+            elif on_trust == 0:
+                return NO_DESCENT, iteration, residual
+            else:
+                restore = True
+        elif not finite:
+            return NOT_FINITE, iteration, after
+        if restore and after > control.tolerance:
+            # Trust has led nowhere: back, and no trust until the energy has fallen below.
+            point[:] = kept
+            moved, on_trust, trust = 0.0, 0, 0
+            searching, relist = False, True
+            continue
+        y[:] = point
+        energy, residual = new, after
+        if energy < kept_energy:
+            kept[:] = y
+            kept_energy = energy
+            on_trust = 0
+            trust = control.trust if searching else trust
         if residual <= control.tolerance:
             return CONVERGED, iteration, residual
+        if iteration == control.limit:
+            return TOO_MANY, iteration, residual
+        iteration += 1
         energy_of(scene, y, pairs, slip, 2, work)
-        shift = factorise_shifted(work.hessian, free, work.factor)
-        if not math.isfinite(shift):
+        if not math.isfinite(factorise_shifted(work.hessian, free, work.factor)):
             return NOT_FINITE, iteration, residual
-        slope = 0.0
         for i in range(free.size):
             rhs[i] = -work.gradient[free[i]]
         solve_factored(work.factor, rhs)
+        slope = 0.0
         for i in range(free.size):
             step[free[i]] = rhs[i]
             slope += rhs[i] * work.gradient[free[i]]
         size = largest_move(scene.map, step)
         length = 1.0 if size <= control.cap else control.cap / size
-        accepted = False
-        for _ in range(30):
-            trial[:] = y + length * step
-            # Pairs are listed around the point where `moved` was last zero.
-            reached = moved + length * size
-            if reached > 0.5 * control.skin:
-                pairs = pairs_at(scene, trial, control.skin, work)
-                moved, reached = length * size, 0.0
-            new = energy_of(scene, trial, pairs, slip, 1, work)
-            if math.isfinite(new):
-                after = residual_of(work.gradient, scene.scale, free)
-                if new <= energy + ARMIJO * length * slope or (
-                    abs(new - energy) <= ROUND_OFF * abs(energy) and after < residual
-                ):
-                    accepted = True
-                    moved = reached
-                    break
-                if on_trust < trust and math.isfinite(after):
-                    on_trust += 1
-                    accepted = True
-                    moved = reached
-                    break
-            length *= 0.5
-        if accepted:
-            y[:] = trial
-            energy, residual = new, after
-            if energy < kept_energy or residual <= control.tolerance:
-                kept[:] = y
-                kept_energy, kept_residual, on_trust, trust = energy, residual, 0, control.trust
-                continue
-            if on_trust < trust or trust == 0:
-                continue
-        elif on_trust == 0:
-            return NO_DESCENT, iteration + 1, residual
-        # Trust has led nowhere: back, and no trust until the energy has fallen below.
-        y[:] = kept
-        pairs = pairs_at(scene, y, control.skin, work)
-        moved, on_trust, trust = 0.0, 0, 0
-        energy = energy_of(scene, y, pairs, slip, 1, work)
-        residual = kept_residual
-    status = CONVERGED if residual <= control.tolerance else TOO_MANY
-    return status, control.limit, residual
+        point[:] = y + length * step
+        searching, halvings = True, 0
+        # Pairs are listed around the point where ``moved`` was last zero.
+        reached = moved + length * size
+        if reached > 0.5 * control.skin:
+            relist, moved, reached = True, length * size, 0.0
 
 
 @njit

@@ -97,26 +97,31 @@ def solve_step(scene, y, march, control, start, work):
 
     Returns status, iterations, residual, energy lost.
     """
-    if march.friction == 0.0:
-        status, iterations, residual = minimise(scene, y, march.free, no_slip(), control, work)
-        return status, iterations, residual, 0.0
-    pairs = pairs_at(scene, start, control.skin, work)
-    lattice = expand(scene.map, start, work.x)
-    place_points(scene.touch, work.x, work.points)
-    slip = begin_slip(scene, work.points, lattice, pairs, march.friction, march.rounding)
-    total = 0
-    for once in range(march.passes):
-        if once:
-            lattice = expand(scene.map, y, work.x)
+    slip, pairs = no_slip(), (np.empty((0, 3), dtype=np.int64), np.empty(0))
+    rubs = march.friction > 0.0
+    status, total, residual = CONVERGED, 0, 0.0
+    for once in range(march.passes if rubs else 1):
+        if rubs:
+            if once == 0:
+                pairs = pairs_at(scene, start, control.skin, work)
+            lattice = expand(scene.map, start if once == 0 else y, work.x)
             place_points(scene.touch, work.x, work.points)
-            lag_at(scene, work.points, lattice, pairs[1], march.friction, slip)
+            if once == 0:
+                slip = begin_slip(
+                    scene, work.points, lattice, pairs, march.friction, march.rounding
+                )
+            else:
+                lag_at(scene, work.points, lattice, pairs[1], march.friction, slip)
         status, iterations, residual = minimise(scene, y, march.free, slip, control, work)
         total += iterations
         if status != CONVERGED:
             return status, total, residual, 0.0
-    lattice = expand(scene.map, y, work.x)
-    place_points(scene.touch, work.x, work.points)
-    return status, total, residual, loss_of(scene, work.points, lattice, slip)
+    lost = 0.0
+    if rubs:
+        lattice = expand(scene.map, y, work.x)
+        place_points(scene.touch, work.x, work.points)
+        lost = loss_of(scene, work.points, lattice, slip)
+    return status, total, residual, lost
 
 
 @njit
@@ -157,7 +162,7 @@ def follow(scene, trace, y, force, targets, march, control, trail):
     before = y.copy()
     trial = np.empty(n)
     change = np.zeros(n)
-    prepare_tangent(scene, y, march.free, no_slip(), control, work)
+    stale = True
     done, lost = 0.0, 0.0
     for state in range(targets.shape[0]):
         left, iterations = 1.0, 0
@@ -172,6 +177,9 @@ def follow(scene, trace, y, force, targets, march, control, trail):
             for j in range(march.driven.size):
                 i = march.driven[j]
                 change[i] = (targets[state, j] - y[i]) * (part / left)
+            if stale:
+                prepare_tangent(scene, y, march.free, no_slip(), control, work)
+                stale = False
             trial[:] = y
             tangent(trial, change, march.free, work)
             bend_predictor(trial, y, before, march)
@@ -184,7 +192,7 @@ def follow(scene, trace, y, force, targets, march, control, trail):
                 before[:] = y
                 if part < smallest:
                     return state, status
-                prepare_tangent(scene, y, march.free, no_slip(), control, work)
+                stale = True
                 continue
             # Trapezium rule with the forces on both sides of the increment.
             for i in range(n):

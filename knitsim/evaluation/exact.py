@@ -52,8 +52,8 @@ def kes_power_curve(scale, loading_power, recovery_power, force, residual_strain
 
     scale: a (N m-1), loading_power: n, force: the greatest force per width F_m (N m-1).  Recovery
     runs from (e_m, F_m) to F = 0 at the residual strain e_r as F_m ((e - e_r)/(e_m - e_r))^m.
-    With e_m = (F_m/a)^(1/n), the integrals are WT = F_m e_m/(n + 1) and WT' = F_m (e_m - e_r)/(m + 1);
-    then LT = WT/(F_m e_m/2) = 2/(n + 1) and RT = WT'/WT, which is (n + 1)/(m + 1) for e_r = 0
+    With e_m = (F_m/a)^(1/n) the integrals are WT = F_m e_m/(n + 1) up and F_m (e_m - e_r)/(m + 1)
+    back.  Then LT = WT/(F_m e_m/2) = 2/(n + 1) and RT, their ratio, is (n + 1)/(m + 1) for e_r = 0
     (definitions: S. Kawabata, The Standardization and Analysis of Hand Evaluation, 2nd ed., 1980).
     Returns an :class:`IdealTension`; raises InputError for values outside the definitions.
     """
@@ -114,8 +114,8 @@ def stretch_step_limit(stiffness, linear_density, spacing, nodes=None):
 def bending_step_limit(rigidity, linear_density, spacing, nodes=None):
     """As :func:`stretch_step_limit` for bending waves; rigidity: EI (N m2).
 
-    Energy EI/(2 h^3) sum (w_(i-1) - 2 w_i + w_(i+1))^2: omega = (4/h^2) sqrt(EI/mu) sin^2(q h/2), so
-    the limit is (h^2/2) sqrt(mu/EI).  nodes: the number of free points between two hinged ones.
+    Energy EI/(2 h^3) sum (w_(i-1) - 2 w_i + w_(i+1))^2: omega = (4/h^2) sqrt(EI/mu) sin^2(q h/2),
+    so the limit is (h^2/2) sqrt(mu/EI).  nodes: the number of free points between two hinged ones.
     """
     rigidity, mu, h = _chain(rigidity, linear_density, spacing)
     return 0.5 * h * h * math.sqrt(mu / rigidity) / _largest_sine(nodes) ** 2

@@ -21,7 +21,7 @@ _ROOT = {"xtol": 1e-300, "rtol": 4.0 * np.finfo(float).eps, "maxiter": 500}
 
 
 def capstan(friction, turn):
-    """T2/T1 = exp(mu phi) of a limp yarn that slips over the angle ``turn`` (rad): Euler, Eytelwein."""
+    """T2/T1 = exp(mu phi) of a limp yarn that slips over the angle ``turn`` (rad); Euler."""
     friction = number("friction", friction, 0.0, low_allowed=True)
     return math.exp(friction * number("turn", turn, 0.0, low_allowed=True))
 
@@ -32,9 +32,9 @@ def capstan_chain(friction, turns):
     turns (n,): the angle t (rad) by which the chain turns at each node, 0 <= t < pi; for n equal
     turns ``numpy.full(n, phi/n)``.  At a node (T2 - T1) cos(t/2) = mu N and (T1 + T2) sin(t/2) = N,
     the normal force halving the angle between its two links.  So T2/T1 = (1 + mu tan(t/2))/(1 - mu
-    tan(t/2)) and log(T2/T1) = 2 sum atanh(mu tan(t/2)), above mu phi by mu (1 + mu^2) phi^3/(12 n^2)
-    for n equal turns to leading order.  Raises InputError where mu tan(t/2) >= 1: such a node never
-    slips.
+    tan(t/2)) and log(T2/T1) = 2 sum atanh(mu tan(t/2)); for n equal turns to leading order that is
+    mu phi + mu (1 + mu^2) phi^3/(12 n^2).  Raises InputError where mu tan(t/2) >= 1: such a node
+    never slips.
     """
     friction = number("friction", friction, 0.0, low_allowed=True)
     turns = np.atleast_1d(np.asarray(turns, dtype=float))
@@ -145,7 +145,8 @@ def capstan_stiff(friction, tension, rigidity, radius, turn):
     tension: the smaller one, T1 (N); other arguments as in :func:`wrapped_yarn`.  In line contact
     the moment is constant, the tension T' grows as exp(mu phi); each end has the point force
     T_i sin(beta_i) with its own friction, beta_i = phi*(T_i)/2 the turn of that tail:
-        T2 (cos beta_2 - mu sin beta_2) = T1 (cos beta_1 + mu sin beta_1) exp(mu (phi - beta_1 - beta_2)).
+        T2 (cos beta_2 - mu sin beta_2)
+            = T1 (cos beta_1 + mu sin beta_1) exp(mu (phi - beta_1 - beta_2)).
     EI -> 0 gives exp(mu phi).  Raises InputError unless the contact at T1 is a line.
     """
     friction = number("friction", friction, 0.0, low_allowed=True)
@@ -246,8 +247,8 @@ def span_stiffness(rigidity, span, tension=0.0, ends="hinged"):
 
     rigidity: EI (N m2), span: L (m), tension: T (N, at least 0), ends: ``hinged`` or ``clamped``.
     Beam under tension, EI w'''' = T w'': k = 4 T/(L (1 - tanh(u)/u)), u = (L/2) sqrt(T/EI) hinged,
-    half of that clamped; without tension 48 EI/L^3 and 192 EI/L^3.  Two spans that cross are springs
-    in series: N = approach/(1/k_a + 1/k_b), for slopes far below 1.
+    half of that clamped; without tension 48 EI/L^3 and 192 EI/L^3.  Two spans that cross are
+    springs in series: N = approach/(1/k_a + 1/k_b), for slopes far below 1.
     """
     rigidity = number("rigidity", rigidity, 0.0)
     span = number("span", span, 0.0)

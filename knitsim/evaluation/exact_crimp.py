@@ -13,7 +13,7 @@ from scipy.special import ellipeinc
 
 from knitsim.errors import ComputationError, InputError
 from knitsim.evaluation.exact import number
-from knitsim.evaluation.exact_rods import clamped_rod
+from knitsim.evaluation.exact_rods import MOST_LOAD, clamped_rod
 
 
 @dataclass(frozen=True)
@@ -80,10 +80,10 @@ def pull_crimped(rest_angle, pull):
     with hinged ends, or at crests with guided ends, is the same exactly.
 
     rest_angle: theta_0 over the quarter, function of s in [0, 1] (:func:`crimp_sine`,
-    :func:`crimp_arcs`, :func:`crimp_sinusoid`); pull: p = T (quarter's arc length)^2/EI, at least 0.
+    :func:`crimp_arcs`, :func:`crimp_sinusoid`); pull: p = T (quarter's arc length)^2/EI, 0 to 1e5.
     Returns a :class:`CrimpedYarn`; its tension is the derivative of the energy by the chord.
     """
-    pull = number("pull", pull, 0.0, low_allowed=True)
+    pull = number("pull", pull, 0.0, MOST_LOAD, low_allowed=True)
     at_crest = float(np.asarray(rest_angle(np.zeros(1)))[0])
     if not abs(at_crest) <= 1e-12:
         raise InputError("rest_angle(0)", at_crest, "must be 0: the quarter starts at a crest")
@@ -96,7 +96,7 @@ def crimped_pull(rest_angle, extension):
     """The pull p of :func:`pull_crimped` at which the extension is ``extension``.
 
     Raises InputError if the extension is not below that of the straight yarn; ComputationError if
-    the pull exceeds 1e6.
+    the pull exceeds 1e5.
     """
     chord = pull_crimped(rest_angle, 0.0).chord
     extension = number("extension", extension, 0.0, 1.0 / chord - 1.0, low_allowed=True)
@@ -105,8 +105,8 @@ def crimped_pull(rest_angle, extension):
     high = 1.0
     while pull_crimped(rest_angle, high).extension < extension:
         high *= 4.0
-        if high > 1e6:
-            raise ComputationError(f"crimped yarn at extension {extension:g}: pull above 1e6 EI/L2")
+        if high > 1e5:
+            raise ComputationError(f"crimped yarn at extension {extension:g}: pull above 1e5 EI/L2")
     return brentq(
         lambda p: pull_crimped(rest_angle, p).extension - extension,
         0.0,

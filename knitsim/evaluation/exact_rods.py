@@ -6,7 +6,7 @@ also for loads so small that the displacements are tiny.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -19,10 +19,10 @@ from knitsim.evaluation.exact import number
 _ROOT = {"xtol": 1e-300, "rtol": 4.0 * np.finfo(float).eps, "maxiter": 500}
 # Two resolutions must agree to this; the finer, which is returned, is then better by far.
 _AGREE_QUADRATURE = 1e-12
-_AGREE_COLLOCATION = 1e-11  # round-off alone reaches 2e-12 at loads of 1e6
+_AGREE_COLLOCATION = 1e-11  # round-off alone reaches 1e-12 at loads of 1e5
 
 _LEAST_BUCKLING = 0.25 * math.pi**2  # thrust that buckles a cantilever, EI/L^2
-_MOST = math.nextafter(1e6, math.inf)
+MOST_LOAD = math.nextafter(1e5, math.inf)  # of any load on a rod (EI/L^2): up to 1e5
 
 # ---- the dead tip load: elliptic integrals ----
 
@@ -70,7 +70,7 @@ def tip_load(load):
     """A cantilever, clamped along x, with the dead load P L^2/EI = ``load`` across it at its tip.
 
     The branch that grows from the straight rod.  K. E. Bisshopp and D. C. Drucker, Q. Appl. Math. 3
-    (1945) 272: sqrt(P L^2/EI) = K(k) - F(k, phi_1), deflection/L = 1 - 2 (E(k) - E(k, phi_1))/sqrt(P),
+    (1945) 272: sqrt(P) = K(k) - F(k, phi_1), deflection/L = 1 - 2 (E(k) - E(k, phi_1))/sqrt(P),
     k^2 = (1 + sin(tip angle))/2, k sin(phi_1) = 1/sqrt(2).  Returns a :class:`TipLoad`; raises
     InputError unless 0 <= load <= 1e8.
     """
@@ -177,8 +177,8 @@ def _stable(count, angle, force, weight):
 
 
 def _follow(count, rest, force, weight, couple):
-    """theta'' on the stable branch that grows from the unloaded rod, and whether it is unstable just
-    beyond.  Loads are raised in steps, each of which turns no section by more than half a radian.
+    """theta'' on the stable branch that grows from the unloaded rod, and whether it is unstable
+    just beyond.  Loads are raised in steps that turn no section by more than half a radian.
     theta'' is None if no step is small enough."""
     s, _, _, to_angle = _line(count)
     size = max(np.abs(force).max(), np.abs(weight).max(), abs(couple))
@@ -201,6 +201,23 @@ def _follow(count, rest, force, weight, couple):
         if step < least:
             return None, unstable
     return second, False
+
+
+def _refine(count, before, rest, force, weight, couple):
+    """theta'' with more nodes, from that of the resolution before (interpolated); None if there is
+    none or it does not lead to a stable state nearby."""
+    if before is None:
+        return None
+    coarse, rod = before
+    node = 2.0 * rod.arc - 1.0
+    fit = np.linalg.solve(np.polynomial.legendre.legvander(node, node.size - 1), coarse)
+    s, _, _, to_angle = _line(count)
+    guess = np.polynomial.legendre.legval(2.0 * s - 1.0, fit)
+    second = _newton(count, rest, force, weight, couple, guess)
+    if second is None or np.abs(to_angle @ (second - guess)).max() > 0.1:
+        return None
+    turned = couple * s + to_angle @ second
+    return second if _stable(count, rest + turned, force, weight) else None
 
 
 def _describe(count, rest_angle, rest, couple, second):
@@ -229,31 +246,33 @@ def _straight(s):
 def clamped_rod(force=(0.0, 0.0), weight=(0.0, 0.0), couple=0.0, rest_angle=None):
     """A rod clamped in its rest direction under dead loads at its tip and along it, and a couple.
 
-    The clamp is at s = 0, the origin.  force (2,): at the tip (EI/L^2); weight (2,): per length, times L (so the whole load; EI/L^2);
-    couple: at the tip (EI/L).  rest_angle: the tangent's angle theta_0 at rest, a smooth
-    function of s in [0, 1] (array to array); a straight rod along x by default.
+    The clamp is at s = 0, the origin.  force (2,): at the tip (EI/L^2); weight (2,): the load per
+    length, times L (EI/L^2); couple: at the tip (EI/L).  rest_angle: the tangent's angle theta_0 at
+    rest, a smooth function of s in [0, 1] (array to array); a straight rod along x by default.
 
     Solves theta'' - theta_0'' = F_x sin(theta) - F_y cos(theta), F = force + weight (1 - s), with
-    theta(0) = theta_0(0) and theta'(1) - theta_0'(1) = couple, by Legendre collocation of theta'' (well
-    conditioned, spectral), nodes doubled until the result stands to 1e-11.  The branch is the one
-    that grows from the rest shape as all loads grow together, and stable all the way: a load that
+    theta(0) = theta_0(0) and theta'(1) - theta_0'(1) = couple, by Legendre collocation of theta''
+    (well conditioned, spectral), nodes doubled until the result stands to 1e-11.  The branch is the
+    one that grows from the rest shape as all loads grow together, stable all the way: a load that
     buckles the rod needs a small one across it.  Returns a :class:`ClampedRod`.
 
-    Raises InputError for loads beyond 1e6, ComputationError if 512 nodes are not enough or if the
+    Raises InputError for loads beyond 1e5, ComputationError if 512 nodes are not enough or if the
     branch ends (snaps, or bifurcates) below the loads.
     """
-    force = np.array([number("force", part, -_MOST, _MOST) for part in force])
-    weight = np.array([number("weight", part, -_MOST, _MOST) for part in weight])
-    couple = number("couple", couple, -_MOST, _MOST)
+    force = np.array([number("force", part, -MOST_LOAD, MOST_LOAD) for part in force])
+    weight = np.array([number("weight", part, -MOST_LOAD, MOST_LOAD) for part in weight])
+    couple = number("couple", couple, -MOST_LOAD, MOST_LOAD)
     rest_angle = _straight if rest_angle is None else rest_angle
     what = f"clamped rod under force {force}, weight {weight}, couple {couple:g}"
     before = None
-    for count in (16, 32, 64, 128, 256, 512):
+    for count in (32, 64, 128, 256, 512):
         s = _line(count)[0]
         rest = np.asarray(rest_angle(s), dtype=float)
         if rest.shape != s.shape or not np.all(np.isfinite(rest)):
             raise InputError("rest_angle", None, "must return one finite angle for each s")
-        second, unstable = _follow(count, rest, force, weight, couple)
+        second, unstable = _refine(count, before, rest, force, weight, couple), False
+        if second is None:
+            second, unstable = _follow(count, rest, force, weight, couple)
         if unstable and count >= 64:
             raise ComputationError(f"{what}: the branch from rest loses its stability on the way")
         if second is None:
@@ -261,10 +280,10 @@ def clamped_rod(force=(0.0, 0.0), weight=(0.0, 0.0), couple=0.0, rest_angle=None
             continue
         rod = _describe(count, rest_angle, rest, couple, second)
         if before is not None:
-            error = _change(before, rod)
+            error = _change(before[1], rod)
             if error <= _AGREE_COLLOCATION:
-                return ClampedRod(**{**rod.__dict__, "error": error})
-        before = rod
+                return replace(rod, error=error)
+        before = second, rod
     raise ComputationError(f"{what}: not resolved with 512 nodes")
 
 
@@ -299,9 +318,9 @@ def own_weight(load):
     downwards, theta(0) = 0 = theta'(1); H = the tip's depth below the clamp, W = its horizontal
     distance from it.  H/W against Gamma is the master curve of the cantilever test of V. Romero et
     al., ACM Trans. Graph. 40(4) (2021) 61.  For a yarn the weight per length is mu g, EI = B.
-    Returns an :class:`OwnWeight`; raises InputError unless 0 <= load <= 1e6.
+    Returns an :class:`OwnWeight`; raises InputError unless 0 <= load <= 1e5.
     """
-    load = number("load", load, 0.0, _MOST, low_allowed=True)
+    load = number("load", load, 0.0, MOST_LOAD, low_allowed=True)
     rod = clamped_rod(weight=(0.0, -load))
     height, width = -float(rod.displacement[1]), float(rod.tip[0])
     # rod.error is relative to the displacement, most of which is H; W may be far smaller.
@@ -339,8 +358,8 @@ class Strut:
 def strut(distance, ends="hinged"):
     """A straight strut whose ends are pulled together to ``distance`` (over L), first mode.
 
-    Hinged: P = 4 K^2, distance = 2 E/K - 1, deflection k/K, k = sin(largest angle/2) (A. E. H. Love,
-    A Treatise on the Mathematical Theory of Elasticity, 4th ed., art. 262-263).  ``clamped``: both
+    Hinged: P = 4 K^2, distance = 2 E/K - 1, deflection k/K, k = sin(largest angle/2) (Love, A
+    Treatise on the Mathematical Theory of Elasticity, 4th ed., art. 262-263).  ``clamped``: both
     ends held parallel to the line of the ends; it consists of a hinged strut of half the length and
     two halves of another, so P = 16 K^2 and the same deflection over L.  Below distance 0 the ends
     have passed each other.

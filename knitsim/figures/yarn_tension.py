@@ -72,12 +72,13 @@ def _draw_tension(ax, yarn, tests):
         percent * law["law_strain"], law["law_tension"], color=style.GREY, linewidth=0.9,
         label="calibrated law" if "curve_tension" in yarn else "tension law",
     )  # fmt: skip
+    recovered = "recovery" in yarn["phase"].values
     for name, test in tests.items():
         colour = style.COLOURS.get(name, style.GREY)
         said = f"simulated, {READINGS[name]}" if len(tests) > 1 else "simulated"
         _draw_phases(ax, test, test["yarn_tension"], colour, said)
         residual = percent * float(test["strain"][-1])
-        if residual > 0.1:
+        if recovered and residual > 0.1:
             ax.plot(
                 residual, 0.0, "D", color=colour, markersize=4, clip_on=False, zorder=5,
                 label=f"strain left after recovery: {residual:.2f} %",
@@ -86,7 +87,8 @@ def _draw_tension(ax, yarn, tests):
         percent * float(law["breaking_strain"]), np.nanmax(law["law_tension"]), "X",
         color=style.BLACK, markersize=6, label="break",
     )  # fmt: skip
-    ax.plot([], [], style.LINES["recovery"], color=style.BLACK, label="recovery")
+    if recovered:
+        ax.plot([], [], style.LINES["recovery"], color=style.BLACK, label="recovery")
     _say_misfit(ax, tests)
     dtex = from_si(float(yarn["linear_density"]), "dtex")
     other = ax.secondary_yaxis(

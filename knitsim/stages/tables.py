@@ -20,7 +20,8 @@ TIMING_COLUMNS = (
     "stage", "subject", "name", "value", "units", "repeats", "paper_value", "note", "machine"
 )  # fmt: skip
 ASSUMPTION_COLUMNS = (
-    "subject", "key", "value", "unit", "low", "high", "choices", "because", "effect"
+    "subject", "key", "value", "unit", "low", "high", "choices", "because", "largest_effect",
+    "effect",
 )  # fmt: skip
 CORRECTION_COLUMNS = ("where", "printed", "right", "size", "value", "units", "subject")
 
@@ -39,36 +40,54 @@ def timing_table(stage_files, path):
     write_csv(path, TIMING_COLUMNS, rows)
 
 
+def _test_of(file):
+    """What a result file is about, in words: ``kinematic tension, course: `` or nothing."""
+    model, _, direction = file.stem.partition("_")
+    kinds = {"tensile": "tension", "bending": "bending"}
+    if file.parent.parent.name in kinds:
+        return f"{model} {kinds[file.parent.parent.name]}, {direction}: "
+    return ""
+
+
 def _effects(files):
-    """{(subject kind and name, path): [text of one effect, ...]} from all result files."""
+    """{(name of the yarn or fabric, path of the key): [(value, effect, text), ...]}.
+
+    effect: relative change; NaN where the alternative was refused, which the text then says.
+    """
     found = {}
-    for file in files:
+    for file in map(Path, files):
         with xr.open_dataset(file, engine="netcdf4") as dataset:
             name = json.loads(dataset.attrs["configuration"])["name"]
-            test = Path(file).stem.partition("_")[2]
-            for k, label in enumerate(dataset["alternative"].values):
+            names = [_test_of(file) + str(q).replace("_", " ") for q in dataset["quantity"].values]
+            effects, refusals = dataset["assumption_effect"].values, dataset["refused"].values
+            for label, row, refused in zip(
+                dataset["alternative"].values, effects, refusals, strict=True
+            ):
                 key, _, value = str(label).rpartition("=")
-                refused = str(dataset["refused"].values[k])
-                texts = [f"refused: {refused.partition(': ')[2]}"] if refused else []
-                for quantity, effect in zip(
-                    dataset["quantity"].values, dataset["assumption_effect"].values[k], strict=True
-                ):
-                    if np.isfinite(effect) and abs(effect) >= 5e-5:
-                        where = f"{test} {quantity}" if test else str(quantity)
-                        texts.append(f"{where.replace('_', ' ')} {100 * effect:+.3g} %")
-                found.setdefault((name, key), []).append((value, texts))
+                rows = found.setdefault((name, key), [])
+                if refused:
+                    rows.append((value, np.nan, f"refused: {str(refused).partition(': ')[2]}"))
+                for quantity, effect in zip(names, row, strict=True):
+                    if np.isfinite(effect):
+                        text = f"{quantity} {100 * effect:+.3g} %"
+                        rows.append((value, effect, text if abs(effect) >= 5e-5 else ""))
     return found
 
 
-def _effect_text(found):
-    """What each alternative does, in one line."""
+def _effect_columns(row, found):
+    """The columns ``largest_effect`` and ``effect`` of one row of the ledger."""
+    if not row.path:
+        return {"largest_effect": "not varied", "effect": "not varied: no key changes it"}
+    if not found:
+        return {"largest_effect": "unused", "effect": "used by no test of this study"}
     by_value = {}
-    for value, texts in found:
-        by_value.setdefault(value, []).extend(texts)
-    if not by_value:
-        return "used by no test of this study"
-    lines = [f"{value}: {', '.join(texts) or 'none'}" for value, texts in by_value.items()]
-    return "; ".join(lines)
+    for value, _, text in found:
+        by_value.setdefault(value, []).append(text)
+    texts = [f"{v}: {', '.join(filter(None, t)) or 'none'}" for v, t in by_value.items()]
+    known = [(abs(effect), f"{value}: {text}") for value, effect, text in found if text]
+    known = [pair for pair in known if np.isfinite(pair[0])]
+    largest = max(known)[1] if known else "below 0.005 %"
+    return {"largest_effect": largest, "effect": "; ".join(texts)}
 
 
 def assumption_table(study, result_files, path):
@@ -79,14 +98,15 @@ def assumption_table(study, result_files, path):
         found = []
         for group in (study.yarns, study.fabrics):
             for user in group.values():
-                named = "" if user.name == row.subject else f"{user.name} "
+                named = "" if user.name == row.subject else f"{user.name}, "
                 for own in user.assumptions():
                     if (own.subject, own.key) == (row.subject, row.key):
-                        for value, texts in effects.get((user.name, own.path), []):
-                            found.append((value, [named + text for text in texts]))
+                        found += [
+                            (value, effect, text and named + text)
+                            for value, effect, text in effects.get((user.name, own.path), [])
+                        ]
         shown = row.as_dict() | {"choices": " or ".join(map(str, row.choices))}
-        effect = _effect_text(found) if row.path else "not varied: no key changes it"
-        rows.append({**shown, "effect": effect})
+        rows.append(shown | _effect_columns(row, found))
     write_csv(path, ASSUMPTION_COLUMNS, rows)
 
 

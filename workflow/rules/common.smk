@@ -49,6 +49,10 @@ try:
 except InputError as error:
     sys.exit(f"knitsim: {error}")
 
+# Longest compilation first.
+PARTS = ("equilibrium", "figures", "yarn", "fabric")
+FABRIC_TESTS = ("kinematic_tension", "kinematic_bending", "equilibrium_tension")
+
 
 def results(pattern):
     return (RESULTS / pattern).as_posix()
@@ -79,8 +83,44 @@ def directions(fabric, test):
     return STUDY.fabrics[fabric].scene[test]["directions"]
 
 
-# Longest compilation first.
-PARTS = ("equilibrium", "figures", "yarn", "fabric")
+def yarn_of(wildcards):
+    return results(f"yarn/{STUDY.fabrics[wildcards.fabric].yarn.name}.nc")
+
+
+def yarn_files():
+    return expand(rules.yarn.output.result, yarn=STUDY.yarns)
+
+
+def fabric_files():
+    files = expand(rules.loop.output.result, fabric=STUDY.fabrics)
+    files += expand(
+        rules.equilibrium_rest.output.result, fabric=fabrics_with("equilibrium_rest")
+    )
+    for test in FABRIC_TESTS:
+        for fabric in fabrics_with(test):
+            files += expand(
+                getattr(rules, test).output.result,
+                fabric=fabric,
+                direction=directions(fabric, test),
+            )
+    return files
+
+
+def tests_of(wildcards):
+    fabric = wildcards.fabric
+    return [
+        path
+        for test in FABRIC_TESTS
+        if fabric in fabrics_with(test)
+        for path in expand(
+            getattr(rules, test).output.result, fabric=fabric, direction=directions(fabric, test)
+        )
+    ]
+
+
+def output_files():
+    vtk = expand(rules.vtk.output.directory, fabric=STUDY.fabrics)
+    return [*rules.tables.output, *vtk, *FIGURES]
 
 
 wildcard_constraints:
@@ -91,27 +131,3 @@ wildcard_constraints:
 
 localrules:
     all,
-
-
-# Kernels are compiled once, before jobs side by side would all compile them: by priority, the longest
-# first, filling all cores.  Not as an ancient input of the other rules: below a job that is run again
-# Snakemake looks for no other reason to run one (its issue 4166), so a changed kernel would leave the
-# results as they were.
-for number, part in enumerate(PARTS):
-
-    rule:
-        name:
-            f"compile_{part}"
-        output:
-            timings=timings_of(f"compile_{part}"),
-        log:
-            log_of(f"compile_{part}"),
-        params:
-            part=part,
-            kernels=kernel_hash(),
-            small=(Path(workflow.basedir) / "config/small").as_posix(),
-        priority: 100 - number
-        # As a function: snakemake --unlock knows no number of cores.
-        threads: lambda wildcards: max(1, workflow.cores // len(PARTS))
-        script:
-            "../scripts/compile.py"

@@ -1,13 +1,6 @@
 # Fabric: the loop, and the paper's tests on it.
 
 
-FABRIC_TESTS = ("kinematic_tension", "kinematic_bending", "equilibrium_tension")
-
-
-def yarn_of(wildcards):
-    return results(f"yarn/{STUDY.fabrics[wildcards.fabric].yarn.name}.nc")
-
-
 rule loop:
     output:
         result=results("loop/{fabric}.nc"),
@@ -83,18 +76,3 @@ rule equilibrium_tension:
     priority: -1
     script:
         "../scripts/fabric_test.py"
-
-
-def fabric_files():
-    files = expand(rules.loop.output.result, fabric=STUDY.fabrics)
-    files += expand(
-        rules.equilibrium_rest.output.result, fabric=fabrics_with("equilibrium_rest")
-    )
-    for test in FABRIC_TESTS:
-        for fabric in fabrics_with(test):
-            files += expand(
-                getattr(rules, test).output.result,
-                fabric=fabric,
-                direction=directions(fabric, test),
-            )
-    return files

@@ -32,18 +32,6 @@ rule tables:
         "../scripts/tables.py"
 
 
-def tests_of(wildcards):
-    fabric = wildcards.fabric
-    return [
-        path
-        for test in FABRIC_TESTS
-        if fabric in fabrics_with(test)
-        for path in expand(
-            getattr(rules, test).output.result, fabric=fabric, direction=directions(fabric, test)
-        )
-    ]
-
-
 rule vtk:
     input:
         results=tests_of,
@@ -95,12 +83,6 @@ for group in catalogue.GROUPS:
                     group=group,
                     of=of,
                     suffix=suffix,
-                    directory=results("figures"),
                     source=source_hash("knitsim.figures.draw", *catalogue.modules(group)),
                 script:
                     "../scripts/figures.py"
-
-
-def output_files():
-    vtk = expand(rules.vtk.output.directory, fabric=STUDY.fabrics)
-    return [*rules.tables.output, *vtk, *FIGURES]

@@ -14,7 +14,3 @@ rule yarn:
         source=source_hash("knitsim.stages.yarn"),
     script:
         "../scripts/yarn.py"
-
-
-def yarn_files():
-    return expand(rules.yarn.output.result, yarn=STUDY.yarns)

@@ -10,5 +10,5 @@ with job(snakemake):
 
     files = dict(snakemake.input.items())
     figures = drawable(snakemake.params.group, snakemake.params.of, files)
-    directory, suffix = Path(snakemake.params.directory), snakemake.params.suffix
+    directory, suffix = Path(snakemake.output[0]).parent, snakemake.params.suffix
     draw(figures, files, {figure.name: directory / (figure.name + suffix) for figure in figures})

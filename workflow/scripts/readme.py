@@ -1,0 +1,53 @@
+"""Write the README's tables from the workflow's: python workflow/scripts/readme.py [results]."""
+
+import csv
+import re
+import sys
+from pathlib import Path
+
+
+def rows_of(path):
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def table(columns, rows):
+    lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
+
+
+def assumptions(path):
+    rows = []
+    for row in rows_of(path):
+        plausible = row["choices"] or (f"{row['low']} to {row['high']}" if row["low"] else "")
+        value = row["value"] + (f" {row['unit']}" if row["unit"] != "1" else "")
+        key = f"`{row['subject']}` {row['key'].replace('_', ' ')}"
+        rows.append([key, value, plausible, row["because"], row["largest_effect"]])
+    return table(["input", "value", "plausible", "reason", "largest effect over that range"], rows)
+
+
+def timings(path):
+    rows = [
+        [row["stage"].replace("_", " "), row["name"], f"{1e3 * float(row['value']):.3g} ms",
+         f"{float(row['paper_value']) / 60:.0f} min" if row["paper_value"] else ""]
+        for row in rows_of(path)
+        if "200 steps" in row["name"] or (row["stage"].startswith("equi") and "states" in row["name"])
+        or row["name"] == "relaxing"
+    ]  # fmt: skip
+    return table(["stage", "test", "here", "the paper"], rows)
+
+
+results = Path(sys.argv[1] if len(sys.argv) > 1 else "results") / "tables"
+readme = Path("README.md")
+text = readme.read_text(encoding="utf-8")
+for name, content in (
+    ("assumptions", assumptions(results / "assumptions.csv")),
+    ("timings", timings(results / "timing.csv")),
+):
+    text = re.sub(
+        rf"(<!-- {name}: begin[^\n]*-->\n).*?(<!-- {name}: end -->)",
+        lambda found, content=content: f"{found[1]}\n{content}\n\n{found[2]}",
+        text,
+        flags=re.DOTALL,
+    )
+readme.write_text(text, encoding="utf-8")
