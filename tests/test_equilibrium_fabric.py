@@ -260,7 +260,7 @@ def test_curve_ends_with_its_reason():
     ("changes", "name"),
     [
         ({"diameter": 0.6e-3}, "diameter"),
-        ({"loop_length": 3.2e-3, "diameter": 0.25e-3}, "loop length"),
+        ({"loop_length": 3.0e-3, "diameter": 0.25e-3}, "loop length"),
         ({"loop_length": 20e-3}, "loop length"),
         ({"friction": -0.1}, "friction"),
         ({"friction": 1.5}, "friction"),

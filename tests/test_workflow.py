@@ -436,30 +436,34 @@ def wait_for(condition, process, seconds=300):
         time.sleep(0.01)
 
 
-def interrupted_by_kill(project, moment):
-    """Kill the run and all its jobs as soon as a file fits ``moment``."""
-    with project.start("-c2") as process:
+def kill_and_resume(project, finished, moment, *targets):
+    """Kill the run and all its jobs as soon as a file fits ``moment``; resume as the README says."""
+    with project.start("-c2", *targets) as process:
         try:
             wait_for(lambda: any(project.results.glob(moment)), process)
         finally:
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()
-
-
-def resume_after_kill(project, finished):
     # Killed in the middle: otherwise this proves nothing.
     assert set(project.files()) < set(finished.files())
     project.run("--unlock")
-    project.run("-c2", "--rerun-incomplete")
+    project.run("-c2", *targets, "--rerun-incomplete")
     assert project.files() == finished.files()
     assert not [path for path in project.results.rglob("*.part")]
 
 
+def remove_results(project, kinds):
+    """Remove the netCDF files below the folders ``kinds``; their paths."""
+    found = [path for kind in kinds for path in sorted(project.results.glob(f"{kind}/**/*.nc"))]
+    for path in found:
+        path.unlink()
+    return [path.relative_to(project.folder).as_posix() for path in found]
+
+
 def test_kill_in_the_middle_then_resume(project, finished):
-    shutil.rmtree(project.results / "bending")
-    shutil.rmtree(project.results / "tables")
-    interrupted_by_kill(project, "bending/*/*.nc")
-    resume_after_kill(project, finished)
+    targets = remove_results(project, ["bending"])
+    assert len(targets) == 4
+    kill_and_resume(project, finished, "bending/*/*.nc", *targets)
 
 
 @pytest.mark.slow
@@ -476,33 +480,23 @@ def test_kill_in_the_middle_then_resume(project, finished):
     ],
 )
 def test_kill_at_any_moment_then_resume(tmp_path, finished, moment):
-    project = fresh(tmp_path)
-    interrupted_by_kill(project, moment)
-    resume_after_kill(project, finished)
+    kill_and_resume(fresh(tmp_path), finished, moment)
 
 
 def test_terminate_then_plain_rerun_gives_the_same_bytes(project, finished):
-    """All results anew, so that this is the second run that gives the same bytes."""
-    for path in project.results.iterdir():
-        if path.name != "benchmark":
-            shutil.rmtree(path)
-    with project.start("-c2") as process:
-        wait_for(lambda: any(project.results.glob("loop/*.nc")), process)
+    """All netCDF files anew, so that this is the second run that gives the same bytes."""
+    targets = remove_results(project, ["*"])
+    loops = project.results / "loop"
+    with project.start("-c2", *targets) as process:
+        wait_for(lambda: any(loops.glob("*.nc")), process)
         process.terminate()
         assert process.wait(timeout=300) != 0
-    kept = {
-        path: path.stat().st_mtime_ns
-        for job in finished.planned("--forceall")
-        for path in (project.folder / output for output in job.outputs)
-        if path.is_file() and "benchmark" not in path.parts
-    }
-    done = project.files()
-    assert done and set(done) < set(finished.files())
-    project.run("-c2")
+    kept = {path: path.stat().st_mtime_ns for path in loops.glob("*.nc")}
+    assert kept and set(project.files()) < set(finished.files())
+    project.run("-c2", *targets)
     assert project.files() == finished.files()
     # What was finished is not made again.
-    loops = [path for path in kept if path.parent.name == "loop"]
-    assert loops and all(path.stat().st_mtime_ns == kept[path] for path in loops)
+    assert all(path.stat().st_mtime_ns == time for path, time in kept.items())
 
 
 @pytest.mark.slow

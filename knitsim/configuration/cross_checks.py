@@ -26,6 +26,18 @@ def check_yarn(yarn):
             f"must be at least {least * 1e3:.4g} mm: the fibres alone fill that much at density "
             f"{yarn['density'] / 1e3:.4g} g/cm3",
         )
+    core = yarn["core_law"]
+    if core is not None:
+        if core["core_diameter"] >= yarn["diameter"]:
+            raise InputError(
+                *yarn.stated("core_law.core_diameter"),
+                f"must be below the yarn's diameter, {yarn['diameter'] * 1e3:.4g} mm",
+            )
+        if yarn["compression_curve"] is not None:
+            raise InputError(
+                yarn.where("compression_curve"), None,
+                "gives the same law as core_law; keep one of them",
+            )
     if surface_angle(yarn) > LARGEST_SURFACE_ANGLE:
         most = math.tan(math.radians(LARGEST_SURFACE_ANGLE)) / (math.pi * yarn["diameter"])
         raise InputError(

@@ -29,6 +29,7 @@ from knitsim.units import to_si
 # of knitsim.units, or two of them for a quotient.  "" is a plain number.
 COLUMNS = {
     "strain": {"": (), "percent": ("percent",)},
+    "thickness": {"mm": ("mm",), "um": ("um",), "m": ("m",)},
     "extension": {"mm": ("mm",), "um": ("um",), "m": ("m",)},
     "force": {"N": ("N",), "cN": ("cN",), "mN": ("mN",), "gf": ("gf",)},
     "tenacity": {

@@ -120,10 +120,37 @@ TENSION_CURVE = Section(
     ),
 )
 
+COMPRESSION_CURVE = Section(
+    name="compression_curve",
+    about="A measured force-thickness curve of two yarns of this kind crossed at right angles; the "
+    "compression stiffness is calibrated from it.",
+    stage="equilibrium",
+    keys=(
+        Key("file", "file", "text", "CSV file, relative to the study or to config/.",
+            default=REQUIRED),
+    ),
+)
+
+CORE_LAW = Section(
+    name="core_law",
+    about="Compression of a soft shell around a stiff core, for bulky spun yarns, instead of the "
+    "compression stiffness.",
+    stage="equilibrium",
+    keys=(
+        Key("core_diameter_mm", "core_diameter", "number", "Diameter of the core.", unit="mm",
+            allowed="(0, 20]", default=REQUIRED),
+        Key("stiffness_N_per_mm3", "stiffness", "number", "Stiffness k of the shell.",
+            unit="N_per_mm3", allowed="(0, 1e6]", default=REQUIRED),
+        Key("exponent", "exponent", "number", "Exponent p of the shell.", allowed="(1, 20]",
+            default=2.4, plausible=(1.5, 4.0),
+            because="that of an acrylic spun yarn, Singal et al. (2024)"),
+    ),
+)
+
 YARN = Section(
     name="yarn",
     about="One yarn.",
-    sections=(TENSION_LAW, TENSION_CURVE),
+    sections=(TENSION_LAW, TENSION_CURVE, COMPRESSION_CURVE, CORE_LAW),
     keys=(
         Key("source", "source", "text", "Where the data come from.", stages=ALL),
         Key("count_dtex", "linear_density", "number", "Yarn count, g per 10 km.", unit="dtex",

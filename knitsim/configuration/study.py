@@ -130,6 +130,14 @@ class SceneInput(Resolved):
         """``yarn`` or ``fabric``: what the scene tests."""
         return next(part.of for part in SCENE.sections if self.values[part.name] is not None)
 
+    @property
+    def needs_loop(self):
+        """Whether a test needs the loop as built: those of the kinematic model do."""
+        return any(
+            values is not None and name.startswith("kinematic_")
+            for name, values in self.values.items()
+        )
+
     def as_dict(self):
         """Name and SI values of the tests that are run, as plain JSON types."""
         tests = {name: value for name, value in self.values.items() if value is not None}
@@ -149,19 +157,28 @@ class YarnInput(Resolved):
 
     def _check(self):
         check_yarn(self)
-        _ = self.curve_path
+        _ = self.curve_path, self.compression_path
 
-    @property
-    def curve_path(self):
-        """Path of the measured curve, or None.  Raises InputError if there is no such file."""
-        if self["tension_curve"] is None:
+    def _file_of(self, section):
+        """Path of the curve that ``section`` names, or None.  Raises InputError if it is missing."""
+        if self[section] is None:
             return None
-        file = self["tension_curve.file"]
+        file = self[f"{section}.file"]
         for folder in self._folders:
             if (folder / file).is_file():
                 return folder / file
         looked = ", ".join(dict.fromkeys(folder.as_posix() for folder in self._folders))
-        raise InputError(self.where("tension_curve.file"), shown(file), f"no such file in {looked}")
+        raise InputError(self.where(f"{section}.file"), shown(file), f"no such file in {looked}")
+
+    @property
+    def curve_path(self):
+        """Path of the measured tension curve, or None.  Raises InputError if there is no such file."""
+        return self._file_of("tension_curve")
+
+    @property
+    def compression_path(self):
+        """Path of the measured compression curve, or None.  Raises InputError if it is missing."""
+        return self._file_of("compression_curve")
 
     def assumptions(self):
         return super().assumptions() + _below("scene", self.scene)
@@ -285,7 +302,7 @@ class Study:
 
     def __init__(self, path, yarns, fabrics, scenes):
         self.path, self.yarns, self.fabrics, self.scenes = path, yarns, fabrics, scenes
-        curves = (yarn.curve_path for yarn in yarns.values())
+        curves = [y.curve_path for y in yarns.values()] + [y.compression_path for y in yarns.values()]
         self.files = [path / f"{name}.yaml" for name in ("yarns", "fabrics", "scenes")]
         self.files += list(dict.fromkeys(curve for curve in curves if curve is not None))
 

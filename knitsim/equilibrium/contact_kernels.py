@@ -90,7 +90,7 @@ def find_pairs(touch, points, lattice, reach):
     m = points.shape[0]
     chunks = (m + CHUNK - 1) // CHUNK
     low, high = np.empty((chunks, 3)), np.empty((chunks, 3))
-    boxes_of(points, CHUNK, low, high)
+    boxes_of(points, np.int64(CHUNK), low, high)
     whole_low, whole_high = np.empty((1, 3)), np.empty((1, 3))
     boxes_of(points, m, whole_low, whole_high)
     # Local names: a tuple of arrays is slow to pass around in the inner loops.

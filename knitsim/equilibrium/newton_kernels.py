@@ -258,8 +258,8 @@ def minimise(scene, y, free, slip, control, work):
     Returns status, iterations, residual (N).  Afterwards work.factor holds the factor at the last
     point but one, work.hessian the Hessian there, work.gradient and work.terms the values at y.
     """
-    # Every point is evaluated at one place of the loop below: twice the calls would take twice as
-    # long to compile.  ``searching``: point = y + length step is on trial; otherwise it is a start.
+    # The order of the energy is given as np.int64: Numba would compile everything once more for each
+    # literal number.  ``searching``: point = y + length step is on trial; otherwise it is a start.
     point, kept = y.copy(), y.copy()
     step = np.zeros(y.size)
     rhs = np.empty(free.size)
@@ -273,7 +273,7 @@ def minimise(scene, y, free, slip, control, work):
         if relist:
             pairs = pairs_at(scene, point, control.skin, work)
             relist = False
-        new = energy_of(scene, point, pairs, slip, 1, work)
+        new = energy_of(scene, point, pairs, slip, np.int64(1), work)
         after = residual_of(work.gradient, scene.scale, free)
         finite = math.isfinite(new) and math.isfinite(after)
         restore = False
@@ -318,7 +318,7 @@ def minimise(scene, y, free, slip, control, work):
         if iteration == control.limit:
             return TOO_MANY, iteration, residual
         iteration += 1
-        energy_of(scene, y, pairs, slip, 2, work)
+        energy_of(scene, y, pairs, slip, np.int64(2), work)
         if not math.isfinite(factorise_shifted(work.hessian, free, work.factor)):
             return NOT_FINITE, iteration, residual
         for i in range(free.size):
@@ -341,7 +341,7 @@ def minimise(scene, y, free, slip, control, work):
 @njit
 def prepare_tangent(scene, y, free, slip, control, work):
     """Hessian and its factor at y, for ``tangent``; False where the Hessian is not finite."""
-    energy_of(scene, y, pairs_at(scene, y, control.skin, work), slip, 2, work)
+    energy_of(scene, y, pairs_at(scene, y, control.skin, work), slip, np.int64(2), work)
     return math.isfinite(factorise_shifted(work.hessian, free, work.factor))
 
 

@@ -1,18 +1,24 @@
-"""The checks of a study that need the models: does every loop and every yarn exist."""
+"""The checks of a study that need the models: does every yarn, loop and fabric exist."""
 
-from knitsim.stages.laws import calibration_of, stated_law
+from knitsim.stages.equilibrium import resolution_of, solver_fabric
+from knitsim.stages.laws import calibration_of, laws_of
 from knitsim.stages.loop import loop_of
 from knitsim.stages.yarn import layout_of
 
 
 def check_study(study):
-    """Build every yarn's section and law and every fabric's loop of a Study; nothing is computed on.
+    """Build every yarn's section and laws and every fabric's loop of a Study; nothing is computed.
 
-    Raises InputError for the first that cannot be.
+    A loop is built only for a fabric whose scene has a test of the kinematic model: the equilibrium
+    model finds its own.  Raises InputError for the first that cannot be.
     """
+    laws = {}
     for yarn in study.yarns.values():
         layout_of(yarn)
-        stated_law(yarn)
-        calibration_of(yarn)
+        laws[yarn.name] = laws_of(yarn, calibration_of(yarn))["continuous"]
     for fabric in study.fabrics.values():
-        loop_of(fabric)
+        if fabric.scene.needs_loop:
+            loop_of(fabric)
+        if fabric.scene["equilibrium_rest"] is not None:
+            solver_fabric(fabric, laws[fabric.yarn.name])
+            resolution_of(fabric)

@@ -3,10 +3,21 @@
 import numpy as np
 import xarray as xr
 
-from knitsim.equilibrium.fabric import BarrierContact, Fabric, Resolution
+from knitsim.equilibrium.fabric import BarrierContact, CoreContact, Fabric, Resolution
 from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES, VARIABLES
+from knitsim.yarn.compression import fit_barrier_file
 
 _STATES = VARIABLES["status"].flags
+
+
+def contact_of(yarn):
+    """Contact law of a YarnInput: a core law, a calibrated stiffness or the stated one."""
+    core = yarn["core_law"]
+    if core is not None:
+        return CoreContact(core["core_diameter"], core["stiffness"], core["exponent"])
+    if yarn.compression_path is not None:
+        return BarrierContact(fit_barrier_file(yarn.compression_path, yarn["diameter"]).stiffness)
+    return BarrierContact(yarn["compression_stiffness"])
 
 
 def solver_fabric(fabric, law, *, friction=False, set_fraction=None, loop_length=None):
@@ -19,7 +30,7 @@ def solver_fabric(fabric, law, *, friction=False, set_fraction=None, loop_length
         fabric["wale_spacing"], fabric["course_spacing"],
         fabric["loop_length"] if loop_length is None else loop_length,
         yarn["diameter"], yarn["bending_rigidity"], law,
-        contact=BarrierContact(yarn["compression_stiffness"]),
+        contact=contact_of(yarn),
         friction=yarn["friction"] if friction else 0.0,
         set_fraction=fabric["set"] if set_fraction is None else set_fraction,
     )  # fmt: skip

@@ -79,6 +79,9 @@ def fabrics_with(test):
     return [name for name, fabric in STUDY.fabrics.items() if fabric.scene[test] is not None]
 
 
+FABRICS_WITH_LOOP = [name for name, fabric in STUDY.fabrics.items() if fabric.scene.needs_loop]
+
+
 def directions(fabric, test):
     return STUDY.fabrics[fabric].scene[test]["directions"]
 
@@ -87,12 +90,16 @@ def yarn_of(wildcards):
     return results(f"yarn/{STUDY.fabrics[wildcards.fabric].yarn.name}.nc")
 
 
+def compression_of(wildcards):
+    return STUDY.fabrics[wildcards.fabric].yarn.compression_path or []
+
+
 def yarn_files():
     return expand(rules.yarn.output.result, yarn=STUDY.yarns)
 
 
 def fabric_files():
-    files = expand(rules.loop.output.result, fabric=STUDY.fabrics)
+    files = expand(rules.loop.output.result, fabric=FABRICS_WITH_LOOP)
     files += expand(
         rules.equilibrium_rest.output.result, fabric=fabrics_with("equilibrium_rest")
     )

@@ -47,6 +47,7 @@ rule kinematic_bending:
 rule equilibrium_rest:
     input:
         yarn=yarn_of,
+        compression=compression_of,
     output:
         result=results("relaxed/{fabric}.nc"),
         timings=timings_of("equilibrium_rest_{fabric}"),
@@ -64,6 +65,7 @@ rule equilibrium_rest:
 rule equilibrium_tension:
     input:
         yarn=yarn_of,
+        compression=compression_of,
     output:
         result=results("tensile/{fabric}/equilibrium_{direction}.nc"),
         timings=timings_of("equilibrium_tension_{fabric}_{direction}"),

@@ -9,7 +9,7 @@ rule tables:
             for name in [
                 *(f"compile_{part}" for part in PARTS),
                 *(f"yarn_{yarn}" for yarn in STUDY.yarns),
-                *(f"loop_{fabric}" for fabric in STUDY.fabrics),
+                *(f"loop_{fabric}" for fabric in FABRICS_WITH_LOOP),
                 *(f"equilibrium_rest_{fabric}" for fabric in fabrics_with("equilibrium_rest")),
                 *(
                     f"{test}_{fabric}_{direction}"
