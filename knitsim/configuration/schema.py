@@ -21,6 +21,7 @@ STAGES = {
     "equilibrium": ("centre_line", "law"),
     "equilibrium_rest": ("equilibrium",),
     "equilibrium_tension": ("equilibrium_rest",),
+    "equilibrium_shear": ("equilibrium_rest",),
 }
 
 
@@ -398,9 +399,16 @@ EQUILIBRIUM_REST = Section(
 EQUILIBRIUM_TENSION_KEYS = (
     Key("friction", "friction", "flag", "Coulomb friction between yarns, with the coefficient of "
         "the yarn; false leaves it out.", default=False),
-    Key("lateral", "lateral", "choice", "The spacing across the pull: free to follow, or held at "
-        "that of rest.", choices=("free", "held"), default="free"),
+    Key("lateral", "lateral", "choice", "The spacing across the pull: free to follow, held at "
+        "that of rest, or loaded (biaxial).", choices=("free", "held", "loaded"), default="free"),
+    Key("lateral_load_gf_per_cm", "lateral_load", "number", "Force per width across the pull, "
+        "where lateral is loaded.", unit="gf_per_cm", allowed="[0, 1e5]", default=1.0),
     Key("recovery", "recovery", "flag", "Recover to zero force after loading.", default=False),
+    Key("cycles", "cycles", "integer", "Times that the fabric is loaded and recovers.",
+        allowed="[1, 1000]", default=1),
+    Key("to_force_gf_per_cm", "to_force", "number", "Loading ends at this force per width where it "
+        "comes before the largest strain; KES: 50 for knits, 500.", unit="gf_per_cm",
+        allowed="(0, 1e6]"),
     Key("max_strain_course", "max_strain_course", "number", "Largest fabric strain, course-wise.",
         allowed="(0, 5]", default=1.5),
     Key("max_strain_wale", "max_strain_wale", "number", "Largest fabric strain, wale-wise.",
@@ -428,10 +436,29 @@ EQUILIBRIUM_TENSION = Section(
                     "max_strain_wale": 0.4,
                 },
                 "held": {"lateral": "held", "max_strain_course": 0.6, "max_strain_wale": 0.4},
+                "kes": {"friction": True, "recovery": True, "to_force_gf_per_cm": 50.0},
             },
         ),
     ),
     keys=(DIRECTIONS, *EQUILIBRIUM_TENSION_KEYS),
+)
+
+EQUILIBRIUM_SHEAR = Section(
+    name="equilibrium_shear",
+    about="Shear in the equilibrium model: from 0 to the largest angle, to the negative one, and "
+    "back to 0; courses slide over each other. Always solved on the full cell.",
+    of="fabric",
+    stage="equilibrium_shear",
+    keys=(
+        Key("max_angle_deg", "max_angle", "number", "Largest angle, to both sides.", unit="deg",
+            allowed="(0, 45]", default=8.0),
+        Key("states", "states", "integer", "Stored states up to the largest angle.",
+            allowed="[2, 10000]", default=16),
+        Key("tension_gf_per_cm", "tension", "number", "Force per width along the wale, kept "
+            "throughout.", unit="gf_per_cm", allowed="[0, 1e4]", default=10.0,
+            plausible=(5.0, 20.0), because="KES shears woven fabric under 10 gf/cm"),
+        Key("friction", "friction", "flag", "Coulomb friction between yarns.", default=True),
+    ),
 )
 
 SCENE = Section(
@@ -439,6 +466,7 @@ SCENE = Section(
     about="A test programme of a yarn or of a fabric. A test that is left out is not run.",
     sections=(
         TENSILE_TEST, KINEMATIC_TENSION, KINEMATIC_BENDING, EQUILIBRIUM_REST, EQUILIBRIUM_TENSION,
+        EQUILIBRIUM_SHEAR,
     ),
 )
 

@@ -169,6 +169,7 @@ def rod_of(cell, loop_length, bending_rigidity):
     weight = np.tile(spline.GAUSS_WEIGHTS, len(first) // 3) * span * cell.copies
     return Rod(
         first,
+        spline.basis(place),
         spline.basis_first(place),
         spline.basis_second(place),
         np.full(len(first), span),

@@ -8,13 +8,14 @@ from knitsim.equilibrium import cell as cells
 from knitsim.equilibrium import spline
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.newton_kernels import Control
-from knitsim.equilibrium.scene import LATTICE, Scene, Stretch, Touch, no_couples, no_cylinders
+from knitsim.equilibrium.scene import LATTICE, Bend, Scene, Stretch, Touch, no_couples, no_cylinders
 
 NEIGHBOURS = 1.6  # diameters of arc below which two places of one yarn do not touch
 TOLERANCE = 1e-6  # of B/d^2
 STEP_CAP = 0.15  # diameters
 SKIN = 0.15  # diameters
 ITERATIONS = 60
+FULL_ITERATIONS = 400  # a yarn that slides along itself does so slowly
 TRUST = 0
 ROUNDED_STRAIN = 4e-4  # half width of the rounding of the tension law's kinks
 SET_ROUNDING = 0.02  # rounding of |kappa| near zero, times 2 pi / loop length
@@ -94,13 +95,18 @@ def build_model(fabric, resolution=None):
         touch,
         no_cylinders(),
         no_couples(),
+        Bend(0.0, 0, False),
         fabric.contact.law(fabric.diameter),
         np.zeros(unknowns),
         scale,
     )
     d = fabric.diameter
     control = Control(
-        TOLERANCE * fabric.bending_rigidity / d**2, STEP_CAP * d, SKIN * d, ITERATIONS, TRUST
+        TOLERANCE * fabric.bending_rigidity / d**2,
+        STEP_CAP * d,
+        SKIN * d,
+        ITERATIONS if cell.kind == "quarter" else FULL_ITERATIONS,
+        TRUST,
     )
     return Model(
         fabric,

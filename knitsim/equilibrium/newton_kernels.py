@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from knitsim.equilibrium.contact_kernels import add_contact, find_pairs, place_points
+from knitsim.equilibrium.curved_kernels import add_curved_contact, add_curved_yarn
 from knitsim.equilibrium.cylinder_kernels import add_couples, add_cylinders
 from knitsim.equilibrium.friction_kernels import add_friction
 from knitsim.equilibrium.yarn_kernels import add_yarn
@@ -45,7 +46,8 @@ class Control(NamedTuple):
 class Work(NamedTuple):
     """Buffers of one scene: control points, contact points, gradients, Hessians, factor.
 
-    terms: energy by term (stretch, bending, contact); closest (1,): smallest squared distance.
+    terms: energy by term (stretch, bending, contact); closest (1,): smallest squared distance;
+    by_kappa (1,): derivative of the energy by the curvature of the fabric (J m).
     """
 
     x: np.ndarray
@@ -57,6 +59,7 @@ class Work(NamedTuple):
     factor: np.ndarray
     terms: np.ndarray
     closest: np.ndarray
+    by_kappa: np.ndarray
 
 
 @njit
@@ -72,6 +75,7 @@ def new_work(scene):
         np.zeros((n, n)),
         np.zeros((n, n)),
         np.zeros(3),
+        np.zeros(1),
         np.zeros(1),
     )
 
@@ -139,20 +143,32 @@ def energy_of(scene, y, pairs, slip, order, work):
         work.expanded[:] = 0.0
     if order == 2:
         work.half[:] = 0.0
-    add_yarn(scene, work.x, order, work.expanded, work.half, work.terms)
+    by_kappa = 0.0
+    if scene.bend.active:
+        by_kappa += add_curved_yarn(scene, work.x, order, work.expanded, work.half, work.terms)
+    else:
+        add_yarn(scene, work.x, order, work.expanded, work.half, work.terms)
     energy = work.terms[0] + work.terms[1]
     energy += add_couples(scene.couples, work.x, order, work.expanded, work.half)
     work.closest[0] = math.inf
     if pairs[1].size or slip.limit.size or scene.cylinders.law.size:
         place_points(scene.touch, work.x, work.points)
-        contact, work.closest[0] = add_contact(
-            scene, work.points, lattice, pairs, order, work.expanded, work.half
-        )
+        if scene.bend.active:
+            contact, closest, more = add_curved_contact(
+                scene, work.points, lattice, pairs, order, work.expanded, work.half
+            )
+            by_kappa += more
+        else:
+            contact, closest = add_contact(
+                scene, work.points, lattice, pairs, order, work.expanded, work.half
+            )
+        work.closest[0] = closest
         contact += add_cylinders(scene, work.points, order, work.expanded, work.half)
         work.terms[2] = contact
         energy += contact + add_friction(
             scene, work.points, lattice, slip, order, work.expanded, work.half
         )
+    work.by_kappa[0] = by_kappa
     for i in range(y.size):
         energy -= scene.load[i] * y[i]
     if order >= 1:
@@ -169,7 +185,11 @@ def pairs_at(scene, y, skin, work):
     """Pairs closer than the diameter plus ``skin`` at y."""
     lattice = expand(scene.map, y, work.x)
     place_points(scene.touch, work.x, work.points)
-    return find_pairs(scene.touch, work.points, lattice, scene.law[2] + skin)
+    reach = scene.law[2] + skin
+    if scene.bend.active and work.points.size:
+        # Flat coordinates are longer than the true distance where 1 + kappa z is below 1.
+        reach /= max(1.0 - abs(scene.bend.curvature) * np.abs(work.points[:, 2]).max(), 0.2)
+    return find_pairs(scene.touch, work.points, lattice, reach)
 
 
 @njit

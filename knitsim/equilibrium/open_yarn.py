@@ -32,6 +32,7 @@ from knitsim.equilibrium.newton_kernels import (
 from knitsim.equilibrium.relax import REASONS
 from knitsim.equilibrium.scene import (
     LATTICE,
+    Bend,
     Couples,
     Cylinders,
     Map,
@@ -410,6 +411,7 @@ def _assemble(yarns, cylinders, contact, diameter, rounding):
         _touch(yarns, chain, diameter, contact is not None or bool(cylinders)),
         _cylinders(cylinders),
         _couples(yarns, chain),
+        Bend(0.0, 0, False),
         law,
         np.zeros(len(y)),
         np.ones(len(y)),
@@ -438,6 +440,7 @@ def _rod(yarns, chain, rounding):
         parts.append(
             (
                 at + first,
+                spline.basis(place),
                 spline.basis_first(place),
                 spline.basis_second(place),
                 np.full(3 * n, span),

@@ -48,7 +48,7 @@ _STARTS = (
 _ROOM = 0.6  # smallest distance at a start, in the diameter then used
 _GROWTH, _GROWTH_STEPS = 1.25, 60  # of the diameter in one step; steps at most
 _CLEAR = 0.97  # a core takes at most this part of the smallest distance
-RELAX_ITERATIONS = 200
+RELAX_ITERATIONS, RELAX_TRUST = 200, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +112,11 @@ def settle(model, y, free, used=0, scene=None):
     y, work = y.copy(), new_work(scene)
     control = model.control._replace(limit=RELAX_ITERATIONS)
     status, iterations, residual = minimise(scene, y, free, no_slip(), control, work)
+    if status in (TOO_MANY, NO_DESCENT):
+        # A yarn that hardly stretches or bends: whole steps on trust get on where a search crawls.
+        trusting = control._replace(trust=RELAX_TRUST)
+        status, more, residual = minimise(scene, y, free, no_slip(), trusting, work)
+        iterations += more
     if status == CONVERGED and not is_intact(model, y):
         status = CROSSINGS_LOST
     if status != CONVERGED:

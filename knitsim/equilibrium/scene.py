@@ -32,7 +32,7 @@ class Map(NamedTuple):
 class Rod(NamedTuple):
     """Gauss points of the yarn's own energy.
 
-    first: first of the four control points; d1, d2 (m, 4): derivatives of the basis by the
+    first: first of the four control points; d0, d1, d2 (m, 4): the basis and its derivatives by the
     parameter; span: reference length of a unit of the parameter (m); weight: reference length that
     the point stands for, times the copies of the cell (m); rest: rest curvature (1/m); stiffness:
     bending rigidity (N m2); rounding (1/m): kappa is taken as sqrt(kappa^2 + rounding^2) where the
@@ -40,6 +40,7 @@ class Rod(NamedTuple):
     """
 
     first: np.ndarray
+    d0: np.ndarray
     d1: np.ndarray
     d2: np.ndarray
     span: np.ndarray
@@ -110,6 +111,16 @@ class Couples(NamedTuple):
     reference: np.ndarray
 
 
+class Bend(NamedTuple):
+    """Curvature of the fabric (1/m), positive with the face convex; direction that becomes curved
+    (0 course, 1 wale); active: whether the curved energies are taken at all.
+    """
+
+    curvature: float
+    direction: int
+    active: bool
+
+
 def no_cylinders():
     return Cylinders(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 6)))
 
@@ -138,6 +149,7 @@ class Scene(NamedTuple):
     touch: Touch
     cylinders: Cylinders
     couples: Couples
+    bend: Bend
     law: np.ndarray
     load: np.ndarray
     scale: np.ndarray

@@ -15,6 +15,8 @@ import numpy as np
 
 from knitsim.equilibrium.accuracy import increment_error, spatial_error
 from knitsim.equilibrium.curve import LOADING, RECOVERY, Curve
+from knitsim.equilibrium.friction_kernels import no_slip
+from knitsim.equilibrium.newton_kernels import energy_of, new_work, pairs_at
 from knitsim.equilibrium.path_kernels import REACHED, March, follow, new_trail
 from knitsim.equilibrium.relax import REASONS, settle
 from knitsim.errors import ComputationError, InputError
@@ -66,8 +68,8 @@ def tensile(
     pulled, across = _PULLED[direction]
     start, load, free = _laterally(relaxed, pulled, across, lateral)
     length = (relaxed.wale_spacing, 0.0, 0.0, relaxed.course_spacing)
-    walk = _Walk(relaxed, start, free, [pulled], load, increment)
     base = length[pulled]
+    walk = _Walk(relaxed, start, free, [pulled], load, increment, base)
     width = length[across]
     top = None if to_force is None else to_force * width * relaxed.model.loops
     for cycle in range(1, cycles + 1):
@@ -120,6 +122,7 @@ def biaxial(relaxed, strains, *, increment=FRICTION_INCREMENT):
         [WALE_SPACING, COURSE_SPACING],
         np.zeros(4),
         increment,
+        base.min(),
     )
     walk.forward(base * (1.0 + strains), LOADING, 1, None)
     return walk.curve("biaxial", WALE_SPACING, base[0], base[1])
@@ -148,7 +151,7 @@ def shear(relaxed, angles, *, lateral="free", tension=0.0, increment=FRICTION_IN
     start = relaxed.y
     if tension:
         start = _under_load(relaxed, start, free, load)
-    walk = _Walk(relaxed, start, free, [SHEAR], load, increment)
+    walk = _Walk(relaxed, start, free, [SHEAR], load, increment, base)
     walk.forward(base * np.tan(angles)[:, None], LOADING, 1, None)
     curve = walk.curve("shear", SHEAR, base, relaxed.wale_spacing)
     rising = np.diff(np.abs(angles[: curve.steps]), prepend=0.0) >= 0.0
@@ -194,16 +197,14 @@ def _under_load(relaxed, y, free, load, parts=4):
 class _Walk:
     """A test under way: the current state and the rows so far."""
 
-    def __init__(self, relaxed, start, free, driven, load, increment):
+    def __init__(self, relaxed, start, free, driven, load, increment, spacing):
         self.relaxed, self.model = relaxed, relaxed.model
         model = relaxed.model
         self.scene = model.with_load(load)
         self.y = start.copy()
-        self.force = np.zeros(len(start))
         self.work = self.lost = 0.0
         self.entry = [model.lattice + d for d in driven]
         fabric = model.fabric
-        spacing = min(relaxed.wale_spacing, relaxed.course_spacing)
         step = increment if fabric.friction > 0.0 else INCREMENT
         self.march = March(
             model.free(*free),
@@ -215,6 +216,10 @@ class _Walk:
             model.expected,
         )
         self.free, self.load = tuple(free), np.asarray(load)
+        work = new_work(self.scene)
+        pairs = pairs_at(self.scene, self.y, 0.0, work)
+        energy_of(self.scene, self.y, pairs, no_slip(), 1, work)
+        self.force = work.gradient + self.scene.load
         self.rows = []
         self.reason = ""
 

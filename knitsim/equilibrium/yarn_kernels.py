@@ -133,3 +133,66 @@ def add_yarn(scene, x, order, gradient, half, terms):
                     for m in range(k):
                         half[row, 3 * (f + m) + j] += left * rod.d1[p, m] + right * rod.d2[p, m]
                     half[row, row - i + j] += 0.5 * (left * dk + right * sk)
+
+
+@njit
+def yarn_point(scene, p, v, w, order, form, tangent, terms):
+    """Energy of Gauss point p with velocity v and acceleration w, any frame that is orthonormal.
+
+    Adds to terms; fills form (6,), its gradient by (v, w), and with order 2 tangent (6, 6).
+    """
+    rod = scene.rod
+    h, wt = rod.span[p], rod.weight[p]
+    a = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+    b = v[0] * w[0] + v[1] * w[1] + v[2] * w[2]
+    c = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+    root = math.sqrt(a)
+    energy, tension, stiffness = stretch_at(root / h - 1.0, scene.stretch)
+    ia, ih = 1.0 / a, 1.0 / (h * h)
+    square = max((c * ia - b * b * ia * ia) * ih, 0.0)
+    psi, psi1, psi2 = bend_at(square, rod.stiffness[p], rod.rest[p], rod.rounding)
+    terms[0] += wt * energy
+    terms[1] += wt * psi
+    ka = (-c * ia * ia + 2.0 * b * b * ia**3) * ih
+    kb, kc = -2.0 * b * ia * ia * ih, ia * ih
+    fa = wt * (0.5 * tension / (root * h) + psi1 * ka)
+    fb, fc = wt * psi1 * kb, wt * psi1 * kc
+    for i in range(3):
+        form[i] = 2.0 * fa * v[i] + fb * w[i]
+        form[3 + i] = fb * v[i] + 2.0 * fc * w[i]
+    if order < 2:
+        return
+    faa = wt * (
+        0.25 * stiffness * ia * ih
+        - 0.25 * tension * ia / (root * h)
+        + psi1 * (2.0 * c * ia**3 - 6.0 * b * b * ia**4) * ih
+        + psi2 * ka * ka
+    )
+    fab = wt * (psi1 * 4.0 * b * ia**3 * ih + psi2 * ka * kb)
+    fac = wt * (-psi1 * ia * ia * ih + psi2 * ka * kc)
+    fbb = wt * (-2.0 * psi1 * ia * ia * ih + psi2 * kb * kb)
+    fbc, fcc = wt * psi2 * kb * kc, wt * psi2 * kc * kc
+    for i in range(3):
+        for j in range(3):
+            vv, vw, wv, ww = v[i] * v[j], v[i] * w[j], w[i] * v[j], w[i] * w[j]
+            same = 1.0 if i == j else 0.0
+            tangent[i, j] = 4 * faa * vv + 2 * fab * (vw + wv) + fbb * ww + 2 * fa * same
+            mixed = 2 * fab * vv + 4 * fac * vw + fbb * wv + 2 * fbc * ww + fb * same
+            tangent[i, 3 + j] = mixed
+            tangent[3 + j, i] = mixed
+            tangent[3 + i, 3 + j] = fbb * vv + 2 * fbc * (vw + wv) + 4 * fcc * ww + 2 * fc * same
+
+
+@njit
+def add_form(first, axes, weights, matrix, half):
+    """Add a Hessian by local variables, sum_k weights[i, k] x[first + k, axes[i]], to ``half``."""
+    n = axes.size
+    for i in range(n):
+        for k in range(4):
+            row, left = 3 * (first + k) + axes[i], 0.5 * weights[i, k]
+            for j in range(n):
+                value = left * matrix[i, j]
+                if value == 0.0:
+                    continue
+                for m in range(4):
+                    half[row, 3 * (first + m) + axes[j]] += value * weights[j, m]

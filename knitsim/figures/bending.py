@@ -17,7 +17,6 @@ from knitsim.figures.states import (
     heading,
     is_beyond_break,
     letter,
-    settled,
     state_at,
     with_centreline,
 )
@@ -95,7 +94,7 @@ def fig10_bending_curvature(bending_course, bending_wale):
         "neither the flat fabric nor the section at the fixed edge has a position.",
         title_fontsize=7,
     )  # fmt: skip
-    return settled(fig)
+    return fig
 
 
 def _legend_text(tests, step):
@@ -198,7 +197,7 @@ def fig11_bending(bending_course, bending_wale):
         " curvature it is 0/0, not a number.",
         fontsize=7,
     )
-    return settled(fig)
+    return fig
 
 
 def _bent(state, direction):
@@ -242,9 +241,3 @@ def _printed(printed, corrected, direction):
         "as printed (red), corrected (pale)"
     )
     return lines, colours, title, COLOURS["printed"]
-
-
-FIGURES = {
-    "fig10_bending_curvature": (fig10_bending_curvature, ("bending_course", "bending_wale")),
-    "fig11_bending": (fig11_bending, ("bending_course", "bending_wale")),
-}

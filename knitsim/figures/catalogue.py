@@ -36,6 +36,7 @@ class Figure:
 
 
 _BOTH = ("tension_course", "tension_wale")
+_SOLVED = ("equilibrium_course", "equilibrium_wale")
 _BENT = ("bending_course", "bending_wale")
 
 FIGURES = (
@@ -59,10 +60,13 @@ FIGURES = (
     ),
     Figure("fig10_bending_curvature", "bending", "bending", "fabric", _BENT),
     Figure("fig11_bending", "bending", "bending", "fabric", _BENT),
-    Figure("fig13_fabric_under_tension", "tension", "tension", "fabric", _BOTH),
+    Figure(
+        "fig13_fabric_under_tension", "tension", "tension", "fabric", _BOTH,
+        ("relaxed", *_SOLVED),
+    ),
     Figure(
         "fig14_fabric_tension", "tension", "tension", "fabric", _BOTH,
-        ("equilibrium_course", "equilibrium_wale"),
+        _SOLVED,
     ),
 )  # fmt: skip
 

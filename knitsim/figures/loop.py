@@ -13,7 +13,6 @@ from knitsim.figures.tubes import View, draw_tubes, fabric_polylines, render_tub
 from knitsim.figures.yarn import (
     ALONG,
     fibre_colours,
-    laid_out,
     span,
     straight_fibres,
 )
@@ -85,7 +84,7 @@ def fig03_loop_anchors(loop):
         letter(face, "(a) From the technical face")
         letter(side, "(b) From the side")
         fig.legend(*face.get_legend_handles_labels(), loc="outside lower center", ncols=3)
-        return laid_out(fig)
+        return fig
 
 
 def _draw_loop(ax, loop, view, window):
@@ -194,7 +193,7 @@ def fig04_yarn_into_loop(loop):
             letter(ax, f"({key}) Printed, {label}")
         _draw_errors(errors, loop)
         letter(errors, "(f) Angle between the axis of the sections (arrows above) and the yarn")
-        return laid_out(fig)
+        return fig
 
 
 def _fibre_positions(loop):
@@ -325,7 +324,7 @@ def fig05_connected_loops(loop):
                 twist=float(loop["twist"]),
             )  # fmt: skip
             letter(ax, f"({key}) {title}", y=1.02 if ax in axes[0] else 1.08)
-        return laid_out(fig)
+        return fig
 
 
 def readme_picture(loop):
@@ -348,10 +347,3 @@ def readme_picture(loop):
         opaque = picture[..., :3] * alpha + 255.0 * (1.0 - alpha)
         fig.figimage(opaque.astype(np.uint8) & 0b11111100 | 0b11)
     return fig
-
-
-FIGURES = {
-    "fig03_loop_anchors": (fig03_loop_anchors, ("loop",)),
-    "fig04_yarn_into_loop": (fig04_yarn_into_loop, ("loop",)),
-    "fig05_connected_loops": (fig05_connected_loops, ("loop",)),
-}

@@ -20,6 +20,8 @@ from knitsim.figures.readings import (
     reading_label,
     reading_style,
     reference_and_printed,
+    spacing_axes,
+    starting_texts,
     state_text,
     step_at_share,
 )
@@ -30,7 +32,6 @@ from knitsim.figures.states import (
     is_beyond_break,
     letter,
     loading,
-    settled,
     with_centreline,
 )
 from knitsim.figures.style import COLOURS, YARN_COLOURS
@@ -200,7 +201,7 @@ def _deformation(tension, direction, number):
     _strain_axis(ax, direction)
     ax.set_ylabel("closest centre lines (diameters)")
     letter(ax, "(f) do the yarns overlap?", y=1.09)
-    return settled(fig)
+    return fig
 
 
 def _contraction(tension, direction, number, equilibrium):
@@ -214,7 +215,7 @@ def _contraction(tension, direction, number, equilibrium):
     scale = 1.0 + corrected.transverse_strain.values[up]
     jam = up[np.argmax(scale <= scale.min() * (1.0 + 1e-9))]
     rest, pulled = corrected.isel(step=0), corrected.isel(step=jam)
-    fig, axes = style.figure(height_mm=132.0, rows=2, columns=2)
+    fig, axes = style.figure(height_mm=150.0, rows=2, columns=2)
     heading(
         fig,
         f"Fig. {number}  Contraction of the loop under {direction} tension, fabric"
@@ -244,12 +245,15 @@ def _contraction(tension, direction, number, equilibrium):
             f"half the {'height' if direction == 'course' else 'wale spacing'}"
             if choices["limit"] == "half" else "one course spacing shorter"
         )  # fmt: skip
-        ax.annotate(text, (0, limit), (2, 2), textcoords="offset points", fontsize=6.5)
+        ax.annotate(
+            text, (0, limit), (2, -2), textcoords="offset points", va="top", fontsize=6.5
+        )
     if equilibrium is not None:
-        draw_equilibrium(ax, equilibrium, 1.0 + equilibrium.transverse_strain)
+        draw_equilibrium(ax, equilibrium, 1.0 + equilibrium.transverse_strain, start=1.0)
     ax.set_ylim(0.0, 1.05)
     ax.set_ylabel(f"scale along the {OTHER[direction]} (1)")
-    letter(ax, "(b) contraction laws and their limits")
+    spacing_axes(ax, direction, tension, equilibrium)
+    letter(ax, "(b) contraction laws and their limits", y=1.2 if equilibrium is None else 1.42)
     for ax, axis, key in ((axes[1, 0], direction, "c"), (axes[1, 1], OTHER[direction], "d")):
         ax.axhline(0.0, color=style.GREY, linewidth=0.6, zorder=0)
         ax.set_ylabel(f"displacement {SYMBOL[axis]}' - {SYMBOL[axis]} (mm)")
@@ -259,8 +263,11 @@ def _contraction(tension, direction, number, equilibrium):
     handles = {text: line for ax in (axes[1, 0], axes[0, 1])
                for line, text in zip(*ax.get_legend_handles_labels(), strict=True)}  # fmt: skip
     handles |= break_handle(tension)
-    fig.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
-    return settled(fig)
+    fig.legend(
+        handles.values(), handles.keys(), loc="outside lower center", ncols=3, title_fontsize=7,
+        title="\n".join(starting_texts(tension, equilibrium, direction)),
+    )  # fmt: skip
+    return fig
 
 
 def _draw_section_path(ax, rest, pulled, direction):

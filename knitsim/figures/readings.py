@@ -7,6 +7,7 @@ from matplotlib.lines import Line2D
 from knitsim.figures import style
 from knitsim.figures.states import (
     BEYOND_BREAK,
+    MM,
     PERCENT,
     breaking_strain,
     is_beyond_break,
@@ -16,11 +17,18 @@ from knitsim.figures.states import (
 )
 from knitsim.figures.style import COLOURS, LINES, YARN_COLOURS
 from knitsim.figures.tubes import fabric_polylines
-from knitsim.units import from_si
+from knitsim.units import from_si, to_si
 
 OTHER = {"course": "wale", "wale": "course"}
 BREAK_COLOUR = style.VERMILION
 PRINTED_LINE = (0, (5, 1.5))
+# Shades of the equilibrium model's colour by friction and whether the width is free to follow.
+EQUILIBRIUM_COLOURS = {
+    (False, True): COLOURS["equilibrium"],
+    (True, True): "#6E2F00",
+    (False, False): "#F5A673",
+    (True, False): "#A8623A",
+}
 
 
 def reading_label(choices):
@@ -102,24 +110,111 @@ def step_at_share(tension, share):
     return state_at(tension, "strain", share * tension.strain.values.max())
 
 
-def draw_equilibrium(ax, dataset, values):
+def equilibrium_style(choices):
+    """Colour of a condition of the equilibrium model: dark with friction, pale if held across."""
+    return {"color": EQUILIBRIUM_COLOURS[choices["friction"], choices["lateral"] == "free"]}
+
+
+def runs(curve):
+    """[(phase, numbers of states)] of one variant: loading and recovery in turn.
+
+    Each begins with the last state of the one before; states that were not reached are left out.
+    """
+    reached = np.flatnonzero(np.isfinite(curve.strain.values))
+    phase, cycle = curve.phase.values[reached], curve.cycle.values[reached]
+    cuts = np.flatnonzero((phase[1:] != phase[:-1]) | (cycle[1:] != cycle[:-1])) + 1
+    found = []
+    for part in np.split(reached, cuts):
+        if part.size:
+            before = found[-1][1][-1:] if found else part[:0]
+            found.append((str(curve.phase.values[part[0]]), np.concatenate([before, part])))
+    return found
+
+
+def starting_spacings(equilibrium, direction):
+    """(wale, course) spacing (m) of the state from which the equilibrium test starts: strain 0."""
+    first = equilibrium.stack(state=("variant", "step")).dropna("state", subset=["wale_spacing"])
+    first = first.isel(state=0)
+    spacing = {name: float(first[f"{name}_spacing"]) for name in OTHER}
+    # A course pull widens the wales.
+    spacing[OTHER[direction]] /= 1.0 + float(first.strain)
+    spacing[direction] /= 1.0 + float(first.transverse_strain)
+    return spacing["wale"], spacing["course"]
+
+
+def _starts(direction, tension, equilibrium):
+    """[(model, colour, (wale, course) spacing (m) at strain 0)] of the models that are shown."""
+    stated = tuple(float(tension[f"{name}_spacing"].values.flat[0]) for name in ("wale", "course"))
+    starts = [("kinematic", style.BLACK, stated)]
+    if equilibrium is not None:
+        rest = starting_spacings(equilibrium, direction)
+        starts.append(("equilibrium", COLOURS["equilibrium"], rest))
+    return starts
+
+
+def starting_texts(tension, equilibrium, direction):
+    """Lines that say from where the models that are shown count their strains."""
+    states = ("the stated density", "its own state at rest")
+    starts = _starts(direction, tension, equilibrium)
+    return [
+        f"Strain 0 of the {model} model: {where}, wales {from_si(wale, MM):.3f} mm, courses"
+        f" {from_si(course, MM):.3f} mm."
+        for (model, _, (wale, course)), where in zip(starts, states, strict=False)
+    ]
+
+
+def spacing_axes(ax, direction, tension, equilibrium):
+    """Above the fabric's strain (%) the spacing that is pulled, one axis for either model."""
+    for k, (model, colour, spacings) in enumerate(_starts(direction, tension, equilibrium)):
+        rest = from_si(spacings[0 if direction == "course" else 1], MM)
+        side = ax.secondary_xaxis(
+            1.0 + 0.2 * k,
+            functions=(
+                lambda strain, rest=rest: rest * (1.0 + to_si(strain, PERCENT)),
+                lambda spacing, rest=rest: from_si(spacing / rest - 1.0, PERCENT),
+            ),
+        )
+        side.set_xlabel(
+            f"{OTHER[direction]} spacing of the {model} fabric (mm)", color=colour, fontsize=7
+        )
+        side.tick_params(colors=colour, pad=1)
+        side.spines["top"].set(visible=True, color=colour)
+
+
+def draw_equilibrium(ax, dataset, values, *, start=None, residual=False, label="equilibrium, {}"):
     """Values (variant, step) of the equilibrium model against strain, loading and recovery.
 
-    Each variant has its own states; those that were not reached hold no numbers.
+    Each variant has its own states; those that were not reached hold no numbers, those beyond the
+    breaking strain are dotted.  start: value at strain 0, which the file does not hold.  residual:
+    mark the strain that is left when the force is gone.
     """
-    for name in dataset.variant.values:
+    for name, choices in readings(dataset).items():
         curve, y = dataset.sel(variant=name), values.sel(variant=name).values
         strain = from_si(curve.strain.values, PERCENT)
-        label = f"equilibrium, {name}"
-        for cycle in np.unique(curve.cycle.values):
-            for phase, line in LINES.items():
-                states = (curve.cycle.values == cycle) & (curve.phase.values == phase)
-                states &= np.isfinite(strain) & np.isfinite(y)
+        look, said = equilibrium_style(choices), label.format(name)
+        for k, (phase, states) in enumerate(runs(curve)):
+            x, shown = strain[states], y[states]
+            beyond = curve.status.values[states] == BEYOND_BREAK
+            if k == 0 and start is not None:
+                x, shown, beyond = np.append(0.0, x), np.append(start, shown), np.append(0, beyond)
+            ax.plot(x, np.where(beyond, np.nan, shown), LINES[phase], label=said, **look)
+            if beyond.any():
+                ax.plot(x, np.where(beyond, shown, np.nan), ":", **look)
+            said = None
+            if residual and phase == "recovery":
                 ax.plot(
-                    strain[states], y[states], color=COLOURS["equilibrium"], linestyle=line,
-                    label=label,
+                    x[-1], 0.0, "D", transform=ax.get_xaxis_transform(), markersize=4.5,
+                    markerfacecolor="white", clip_on=False, zorder=5, **look,
                 )  # fmt: skip
-                label = None
+
+
+def residual_handle():
+    """{text: line} for the legend: what is left after recovery."""
+    return {
+        "strain left when the force is gone": Line2D(
+            [], [], color=style.GREY, marker="D", markerfacecolor="white", linestyle="none"
+        )
+    }
 
 
 def break_handle(tension):

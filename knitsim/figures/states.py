@@ -8,8 +8,10 @@ import numpy as np
 from knitsim.errors import InputError
 from knitsim.store.schema import VARIABLES
 
-BEYOND_BREAK = VARIABLES["status"].flags.index("beyond_breaking_strain")
-MM, PERCENT, PER_CM, N_PER_MM = "mm", "percent", "per_cm", "N_per_mm"  # units of the figures' axes
+VALID, BEYOND_BREAK = map(VARIABLES["status"].flags.index, ("valid", "beyond_breaking_strain"))
+MM, PERCENT, PER_CM = "mm", "percent", "per_cm"  # units of the figures' axes
+SMALL_POINTS = 40  # points a loop that look round where a yarn is a few pixels thick
+N_PER_MM, GF_PER_CM = "N_per_mm", "gf_per_cm"
 
 
 def fabric_name(dataset):
@@ -77,6 +79,13 @@ def is_beyond_break(state):
     return int(state.status) == BEYOND_BREAK
 
 
+def thinned(state):
+    """The state with about :data:`SMALL_POINTS` points of its centre line, for a small picture."""
+    points = state.sizes["point"]
+    stride = max(1, (points - 1) // SMALL_POINTS)
+    return state.isel(point=np.unique([*range(0, points, stride), points - 1]))
+
+
 def letter(ax, text, x=0.0, y=1.02):
     """A panel's letter and heading, above its left corner."""
     ax.set_title(text, loc="left", x=x, y=y, pad=0)
@@ -85,10 +94,3 @@ def letter(ax, text, x=0.0, y=1.02):
 def heading(fig, text):
     """The line above a figure that says what it shows."""
     fig.suptitle(text, fontsize=9)
-
-
-def settled(fig):
-    """The figure with its layout worked out once, not anew for every file that it is saved in."""
-    fig.get_layout_engine().execute(fig)
-    fig.set_layout_engine("none")
-    return fig

@@ -17,6 +17,7 @@ from knitsim.units import from_si
 
 LARGEST_PICTURE = 20_000_000  # pixels; four samples each
 MAP_RESOLUTION = 12.0  # cells of the shadow map in a yarn radius: its edges are soft over a quarter
+FINEST_MAP = 2.0  # cells in a sample of the picture: of a finer map nothing would be seen
 LARGEST_MAP = 2000  # cells along one side of the shadow map, without its margin
 MAP_MARGIN = 4  # cells round it, more than its filter reaches
 RIDGES = 7  # ridges round the yarn in the optional texture
@@ -301,7 +302,9 @@ def _shadow_map(nodes, starts, light):
     seen = nodes[:, :3] @ basis.T
     radii = nodes[:, kernels.RADIUS]
     low, high = seen.min(0) - radii.max(), seen.max(0) + radii.max()
-    scale = min(MAP_RESOLUTION / radii.min(), LARGEST_MAP / (high - low)[:2].max())
+    scale = min(
+        MAP_RESOLUTION / radii.min(), FINEST_MAP, LARGEST_MAP / (high - low)[:2].max()
+    )
     low -= MAP_MARGIN / scale
     columns, rows = (int(n) for n in np.ceil((high - low)[:2] * scale) + MAP_MARGIN)
     shadow, _ = _z_buffer((seen - low) * scale, nodes, starts, rows, columns, scale)

@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import style
-from knitsim.figures.states import fabric_name, heading, letter, settled
+from knitsim.figures.states import fabric_name, heading, letter
 from knitsim.figures.tubes import View, draw_tubes, view_of
 from knitsim.units import from_si
 
@@ -30,17 +30,6 @@ def span(axes):
     for ax in axes.flat:
         ax.remove()
     return fig.add_subplot(grid[rows, columns])
-
-
-def laid_out(fig):
-    """fig with its layout worked out, to a millionth of its size.
-
-    The solver's last bits vary from run to run, and names inside an SVG file hang on every bit.
-    """
-    settled(fig)
-    for ax in fig.axes:
-        ax.set_position(np.round(ax.get_position(original=True).bounds, 6))
-    return fig
 
 
 def straight_fibres(positions, twist, length, steps):
@@ -121,7 +110,7 @@ def fig01_yarn_springs(yarn):
             window=(0.0, length, -0.58 * diameter, 0.58 * diameter),
         )  # fmt: skip
         letter(ax, "(c) All fibres at true size and twist; those of (a) set off", y=1.08)
-        return laid_out(fig)
+        return fig
 
 
 def _coil(start, end, amplitude, turns=6):
@@ -258,7 +247,7 @@ def fig02_fibre_sections(yarn):
             handles += [Line2D([], [], color=style.GREY, linestyle=line, marker="o", **face)]
             labels += [text]
         fig.legend(handles, labels, loc="outside lower center", ncols=len(labels), handlelength=2.8)
-        return laid_out(fig)
+        return fig
 
 
 def _draw_fibres(axes, yarn, path, fibres, ends):
@@ -296,9 +285,3 @@ def _draw_fibres(axes, yarn, path, fibres, ends):
     across.set_ylabel("y (µm)")
     along.set_xlabel("along the yarn (mm)")
     along.set_ylabel("x, y (µm)")
-
-
-FIGURES = {
-    "fig01_yarn_springs": (fig01_yarn_springs, ("yarn",)),
-    "fig02_fibre_sections": (fig02_fibre_sections, ("yarn",)),
-}

@@ -8,7 +8,7 @@ import numpy as np
 from knitsim.errors import InputError
 from knitsim.figures import style
 from knitsim.figures.states import fabric_name, heading, letter
-from knitsim.figures.yarn import laid_out, span
+from knitsim.figures.yarn import span
 from knitsim.units import from_si, to_si
 
 REBUILT = "rebuilt from the paper's constants, not measured"
@@ -53,7 +53,7 @@ def fig12_yarn_tension(yarn):
             handles.values(), handles, loc="upper center", ncols=2, handlelength=1.5,
             bbox_to_anchor=(0.5, -0.12 * len(variants)),
         )  # fmt: skip
-        return laid_out(fig)
+        return fig
 
 
 def _draw_tension(ax, yarn, tests):
@@ -209,6 +209,3 @@ def _draw_energy(ax, test):
     ax.set_xlim(left=0.0)
     ax.set_xlabel("strain (%)")
     ax.set_ylabel("energy per length (J/m)")
-
-
-FIGURES = {"fig12_yarn_tension": (fig12_yarn_tension, ("yarn",))}

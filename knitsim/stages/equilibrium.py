@@ -42,13 +42,14 @@ def resolution_of(fabric):
     return Resolution(points=rest["points"], cell=rest["cell"])
 
 
-def curve_dataset(curve, relaxed, strain, breaking_strain, steps):
+def curve_dataset(curve, relaxed, breaking_strain, steps=None, along="strain"):
     """Dataset of a knitsim.equilibrium Curve, padded to ``steps`` stored states.
 
-    strain: (n,) along the pull.  Rows that were not reached hold no numbers and the status
-    not_converged.
+    along: name of the coordinate that the test goes through, ``strain`` or ``shear_angle``.  Rows
+    that were not reached hold no numbers and the status not_converged.
     """
     n = curve.steps
+    steps = n if steps is None else steps
     status = np.full(steps, _STATES.index("not_converged"), dtype=np.int8)
     status[:n] = np.where(
         curve.yarn_strain > breaking_strain,
@@ -91,7 +92,7 @@ def curve_dataset(curve, relaxed, strain, breaking_strain, steps):
             "term": list(ENERGY_TERMS),
             "point": np.arange(points.shape[1]),
             "axis": list(AXES),
-            "strain": ("step", padded(strain)),
+            along: ("step", padded(curve.strain)),
             "phase": ("step", phase),
             "cycle": ("step", padded(curve.cycle, 1)),
         },

@@ -24,15 +24,23 @@ def _strains(choice, direction):
     return top * np.arange(1, choice["states"] + 1) / choice["states"]
 
 
-def _solve(fabric, law, choice, direction, *, strains=None, estimate_error=True):
-    """(Relaxed, Curve) of one condition."""
+def _conditions(choice):
+    """Arguments of knitsim.equilibrium.tension.tensile that one condition stands for."""
+    lateral = choice["lateral_load"] if choice["lateral"] == "loaded" else choice["lateral"]
+    return {
+        "lateral": lateral,
+        "recovery": choice["recovery"],
+        "cycles": choice["cycles"],
+        "to_force": choice["to_force"],
+    }
+
+
+def _solve(fabric, law, choice, direction):
+    """(Relaxed, Curve) of one condition, with its error estimate."""
     built = solver_fabric(fabric, law, friction=choice["friction"])
     relaxed = relax(built, resolution_of(fabric))
-    strains = _strains(choice, direction) if strains is None else strains
-    curve = tensile(
-        relaxed, direction, strains, lateral=choice["lateral"], recovery=choice["recovery"],
-        estimate_error=estimate_error,
-    )  # fmt: skip
+    strains = _strains(choice, direction)
+    curve = tensile(relaxed, direction, strains, estimate_error=True, **_conditions(choice))
     return relaxed, curve
 
 
@@ -40,10 +48,8 @@ def headlines(fabric, direction):
     """{name: (value, units)} of the reference condition that the ledger follows."""
     law = ledger_laws(fabric.yarn)["continuous"]
     choice = next(iter(fabric.scene[STAGE]["variants"].values()))
-    _, curve = _solve(
-        fabric, law, {**choice, "recovery": False}, direction, strains=HEADLINE_STRAINS,
-        estimate_error=False,
-    )  # fmt: skip
+    built = solver_fabric(fabric, law, friction=choice["friction"])
+    curve = tensile(relax(built, resolution_of(fabric)), direction, HEADLINE_STRAINS)
     return {
         f"force per width at {100 * strain:g} % strain": (
             curve.force_per_width[k] if k < curve.steps else np.nan, "N m-1"
@@ -66,13 +72,12 @@ def run(fabric, laws, direction):
         timings.repeat(
             f"{direction}: {name}, {curve.steps} states",
             partial(
-                tensile, relaxed, direction, _strains(choice, direction),
-                lateral=choice["lateral"], recovery=choice["recovery"],
+                tensile, relaxed, direction, _strains(choice, direction), **_conditions(choice)
             ),
-        )  # fmt: skip
+        )
     steps = max(curve.steps for _, curve in solved.values())
     dataset = stack_variants({
-        name: curve_dataset(curve, relaxed, curve.strain, law.breaking_strain, steps)
+        name: curve_dataset(curve, relaxed, law.breaking_strain, steps)
         for name, (relaxed, curve) in solved.items()
     })  # fmt: skip
     with timings.measure(f"{direction}: effect of the assumptions"):

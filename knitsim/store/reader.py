@@ -14,6 +14,7 @@ _KINDS = {
     "relaxed": ("fabric",),
     "tensile": ("fabric", "test"),
     "bending": ("fabric", "test"),
+    "shear": ("fabric", "test"),
 }
 _MODELS = ("kinematic", "equilibrium")
 

@@ -54,6 +54,7 @@ COORDINATES = {
     "spacing": Name(None, "wale or course spacing"),
     "order": Name(None, "which inclination of the printed eqs (2), (3) is turned first"),
     "strain": Name("1", "engineering strain along the pull, from the starting state"),
+    "shear_angle": Name("rad", "angle by which the wale leans, courses sliding over each other"),
     "curvature": Name("m-1", "curvature, positive when the technical face is convex"),
     "phase": Name(None, "loading or recovery"),
     "cycle": Name("1", "number of the cycle, from 1"),

@@ -51,6 +51,7 @@ except InputError as error:
 
 # Longest compilation first.
 PARTS = ("equilibrium", "figures", "yarn", "fabric")
+UNDIRECTED_TESTS = ("equilibrium_rest", "equilibrium_shear")
 FABRIC_TESTS = ("kinematic_tension", "kinematic_bending", "equilibrium_tension")
 
 
@@ -100,9 +101,8 @@ def yarn_files():
 
 def fabric_files():
     files = expand(rules.loop.output.result, fabric=FABRICS_WITH_LOOP)
-    files += expand(
-        rules.equilibrium_rest.output.result, fabric=fabrics_with("equilibrium_rest")
-    )
+    for test in UNDIRECTED_TESTS:
+        files += expand(getattr(rules, test).output.result, fabric=fabrics_with(test))
     for test in FABRIC_TESTS:
         for fabric in fabrics_with(test):
             files += expand(

@@ -78,3 +78,21 @@ rule equilibrium_tension:
     priority: -1
     script:
         "../scripts/fabric_test.py"
+
+
+rule equilibrium_shear:
+    input:
+        yarn=yarn_of,
+        compression=compression_of,
+    output:
+        result=results("shear/{fabric}/equilibrium.nc"),
+        timings=timings_of("equilibrium_shear_{fabric}"),
+    log:
+        log_of("equilibrium_shear_{fabric}"),
+    params:
+        inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "equilibrium_shear"),
+        source=source_hash("knitsim.stages.equilibrium_shear"),
+    # Last, when its long compilation is done.
+    priority: -1
+    script:
+        "../scripts/fabric_test.py"

@@ -10,7 +10,11 @@ rule tables:
                 *(f"compile_{part}" for part in PARTS),
                 *(f"yarn_{yarn}" for yarn in STUDY.yarns),
                 *(f"loop_{fabric}" for fabric in FABRICS_WITH_LOOP),
-                *(f"equilibrium_rest_{fabric}" for fabric in fabrics_with("equilibrium_rest")),
+                *(
+                    f"{test}_{fabric}"
+                    for test in UNDIRECTED_TESTS
+                    for fabric in fabrics_with(test)
+                ),
                 *(
                     f"{test}_{fabric}_{direction}"
                     for test in FABRIC_TESTS
