@@ -8,6 +8,8 @@ curvature B/2 (sqrt(kappa^2 + rounding^2) - rest)^2; torsion is left out.
 
 import math
 
+import numpy as np
+
 from knitsim.jit import njit
 
 
@@ -48,91 +50,6 @@ def bend_at(square, bending, rest, rounding):
         0.5 * bending * (1.0 - rest / m),
         0.25 * bending * rest / (m * m * m),
     )
-
-
-@njit
-def add_yarn(scene, x, order, gradient, half, terms):
-    """Add the yarn's energy to terms[0] (stretch) and terms[1] (bending).
-
-    x (n, 3): control points.  order 1 adds to gradient (3 n + ...), order 2 also to ``half``, a
-    matrix A with Hessian = A + A^T.
-    """
-    rod = scene.rod
-    for p in range(rod.first.size):
-        f, h, wt = rod.first[p], rod.span[p], rod.weight[p]
-        v0 = v1 = v2 = a0 = a1 = a2 = 0.0
-        for k in range(4):
-            d, s = rod.d1[p, k], rod.d2[p, k]
-            v0 += d * x[f + k, 0]
-            v1 += d * x[f + k, 1]
-            v2 += d * x[f + k, 2]
-            a0 += s * x[f + k, 0]
-            a1 += s * x[f + k, 1]
-            a2 += s * x[f + k, 2]
-        a = v0 * v0 + v1 * v1 + v2 * v2
-        b = v0 * a0 + v1 * a1 + v2 * a2
-        c = a0 * a0 + a1 * a1 + a2 * a2
-        root = math.sqrt(a)
-        w, tension, stiffness = stretch_at(root / h - 1.0, scene.stretch)
-        ia, ih = 1.0 / a, 1.0 / (h * h)
-        square = max((c * ia - b * b * ia * ia) * ih, 0.0)
-        psi, psi1, psi2 = bend_at(square, rod.stiffness[p], rod.rest[p], rod.rounding)
-        terms[0] += wt * w
-        terms[1] += wt * psi
-        if order == 0:
-            continue
-        # Derivatives of the energy by a, b and c.
-        ka = (-c * ia * ia + 2.0 * b * b * ia**3) * ih
-        kb = -2.0 * b * ia * ia * ih
-        kc = ia * ih
-        fa = wt * (0.5 * tension / (root * h) + psi1 * ka)
-        fb = wt * psi1 * kb
-        fc = wt * psi1 * kc
-        g = (2 * fa * v0 + fb * a0, 2 * fa * v1 + fb * a1, 2 * fa * v2 + fb * a2)
-        e = (fb * v0 + 2 * fc * a0, fb * v1 + 2 * fc * a1, fb * v2 + 2 * fc * a2)
-        for k in range(4):
-            d, s = rod.d1[p, k], rod.d2[p, k]
-            for i in range(3):
-                gradient[3 * (f + k) + i] += d * g[i] + s * e[i]
-        if order == 1:
-            continue
-        kaa = (2.0 * c * ia**3 - 6.0 * b * b * ia**4) * ih
-        kab = 4.0 * b * ia**3 * ih
-        kac = -ia * ia * ih
-        kbb = -2.0 * ia * ia * ih
-        faa = wt * (
-            0.25 * stiffness * ia * ih
-            - 0.25 * tension * ia / (root * h)
-            + psi1 * kaa
-            + psi2 * ka * ka
-        )
-        fab = wt * (psi1 * kab + psi2 * ka * kb)
-        fac = wt * (psi1 * kac + psi2 * ka * kc)
-        fbb = wt * (psi1 * kbb + psi2 * kb * kb)
-        fbc = wt * psi2 * kb * kc
-        fcc = wt * psi2 * kc * kc
-        v, acc = (v0, v1, v2), (a0, a1, a2)
-        for i in range(3):
-            for j in range(3):
-                vv, va = v[i] * v[j], v[i] * acc[j]
-                av, aa = acc[i] * v[j], acc[i] * acc[j]
-                h11 = 4 * faa * vv + 2 * fab * (va + av) + fbb * aa
-                h12 = 2 * fab * vv + 4 * fac * va + fbb * av + 2 * fbc * aa
-                h21 = 2 * fab * vv + 4 * fac * av + fbb * va + 2 * fbc * aa
-                h22 = fbb * vv + 2 * fbc * (va + av) + 4 * fcc * aa
-                if i == j:
-                    h11 += 2 * fa
-                    h12 += fb
-                    h21 += fb
-                    h22 += 2 * fc
-                for k in range(4):
-                    dk, sk = rod.d1[p, k], rod.d2[p, k]
-                    left = dk * h11 + sk * h21
-                    right = dk * h12 + sk * h22
-                    row = 3 * (f + k) + i
-                    for m in range(k):
-                        half[row, 3 * (f + m) + j] += left * rod.d1[p, m] + right * rod.d2[p, m]
-                    half[row, row - i + j] += 0.5 * (left * dk + right * sk)
 
 
 @njit
@@ -181,6 +98,47 @@ def yarn_point(scene, p, v, w, order, form, tangent, terms):
             tangent[i, 3 + j] = mixed
             tangent[3 + j, i] = mixed
             tangent[3 + i, 3 + j] = fbb * vv + 2 * fbc * (vw + wv) + 4 * fcc * ww + 2 * fc * same
+
+
+@njit
+def add_yarn(scene, x, order, gradient, half, terms):
+    """Add the yarn's energy to terms[0] (stretch) and terms[1] (bending).
+
+    x (n, 3): control points.  order 1 adds to gradient (3 n + ...), order 2 also to ``half``, a
+    matrix A with Hessian = A + A^T.
+    """
+    rod = scene.rod
+    form, tangent = np.empty(6), np.empty((6, 6))
+    for p in range(rod.first.size):
+        f = rod.first[p]
+        v0 = v1 = v2 = a0 = a1 = a2 = 0.0
+        for k in range(4):
+            d, s = rod.d1[p, k], rod.d2[p, k]
+            v0 += d * x[f + k, 0]
+            v1 += d * x[f + k, 1]
+            v2 += d * x[f + k, 2]
+            a0 += s * x[f + k, 0]
+            a1 += s * x[f + k, 1]
+            a2 += s * x[f + k, 2]
+        yarn_point(scene, p, (v0, v1, v2), (a0, a1, a2), order, form, tangent, terms)
+        if order == 0:
+            continue
+        for k in range(4):
+            d, s = rod.d1[p, k], rod.d2[p, k]
+            for i in range(3):
+                gradient[3 * (f + k) + i] += d * form[i] + s * form[3 + i]
+        if order == 1:
+            continue
+        for i in range(3):
+            for j in range(3):
+                for k in range(4):
+                    dk, sk = rod.d1[p, k], rod.d2[p, k]
+                    left = dk * tangent[i, j] + sk * tangent[3 + i, j]
+                    right = dk * tangent[i, 3 + j] + sk * tangent[3 + i, 3 + j]
+                    row = 3 * (f + k) + i
+                    for m in range(k):
+                        half[row, 3 * (f + m) + j] += left * rod.d1[p, m] + right * rod.d2[p, m]
+                    half[row, row - i + j] += 0.5 * (left * dk + right * sk)
 
 
 @njit

@@ -165,12 +165,15 @@ class _Judge:
 
     def __init__(self, given, states, direction):
         self.given, self.states, self.direction = given, states, direction
+        # The first spacing, between wales, is the one that a pull along the course prescribes.
+        self.pulled = 1 if direction == "wale" else 0
         self.lattices = np.stack([states.wale_spacing, states.course_spacing], axis=1)
         self.shapes = [
             (control_of(line[:-1:2], lattice[0]), lattice)
             for line, lattice in zip(states.centreline, self.lattices, strict=True)
         ]
         self.same = Energy(given, 3, given.contacts, ROUNDED_STRAIN)
+        self.fine = Energy(given, FINE_GAUSS, FINE_CONTACTS * given.contacts, 0.0)
         last = len(self.shapes) - 1
         self.judged = np.unique(np.linspace(min(1, last), last, JUDGED).astype(int))
         slope = given.law_tension[1] / given.law_strain[1]
@@ -195,9 +198,8 @@ class _Judge:
     def _distances(self):
         given, reported = self.given, self.states.min_distance
         apart = given.loop_length / given.contacts / given.diameter
-        fine = Energy(given, 1, FINE_CONTACTS * given.contacts, 0.0)
         for i, shape in enumerate(self.shapes):
-            sizes = [_nearest(energy, shape) / given.diameter for energy in (self.same, fine)]
+            sizes = [_nearest(energy, shape) / given.diameter for energy in (self.same, self.fine)]
             if sizes[0] < 1.0 and not abs(reported[i] / sizes[0] - 1.0) <= SAME:
                 yield Finding("smallest distance is not that of the shape", i, reported[i], sizes[0])
             # Closer than half their own spacing, contact points no longer see a crossing.
@@ -209,11 +211,10 @@ class _Judge:
         largest = np.abs(self.states.force).max()
         for i in self.judged if self.direction else [0]:
             on_points, on_lattice = self.same.gradient(*self.shapes[i])
-            held = np.zeros(2)
+            held, slack = np.zeros(2), np.full(2, self.noise)
             if self.direction:
-                held[("course", "wale").index(self.direction)] = self.states.force[i]
-            slack = np.full(2, self.noise)
-            slack[held != 0.0] += FORCE * max(abs(self.states.force[i]), 0.01 * largest)
+                held[self.pulled] = self.states.force[i]
+                slack[self.pulled] += FORCE * max(abs(self.states.force[i]), 0.01 * largest)
             most = np.zeros((self.given.points, 3)), np.zeros(2)
             # At rest nothing has rubbed.
             if self.given.friction > 0.0 and self.direction and i > 0:
@@ -232,8 +233,10 @@ class _Judge:
 
     def _balances(self, stored):
         states, given = self.states, self.given
-        spacing = self.lattices[:, ("course", "wale").index(self.direction)]
-        work = integral(spacing, states.force)
+        work = integral(self.lattices[:, self.pulled], states.force)
+        if not np.abs(work).max() > 0.0:
+            yield Finding("no work was done", len(work) - 1, 0.0, 0.0)
+            return
         lost = np.zeros(len(work))
         if given.friction > 0.0:
             steps = zip(self.shapes[:-1], self.shapes[1:], strict=True)
@@ -242,7 +245,7 @@ class _Judge:
         yield from self._above(
             "work is not stored or lost", np.abs(work - stored + stored[0] - lost) / against, BALANCE
         )
-        fine = Energy(given, FINE_GAUSS, FINE_CONTACTS * given.contacts, 0.0)
+        fine = self.fine
         gain = np.full(len(work), stored[0])
         for i in self.judged:
             gain[i] = fine.terms(*self.shapes[i]).sum()

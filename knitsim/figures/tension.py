@@ -58,7 +58,7 @@ def fig13_fabric_under_tension(
             rows.append((direction, _equilibrium_row(tension, relaxed, equilibrium)))
     both = len(rows) > len(tests)
     fig, axes = style.figure(
-        height_mm=20.0 + 47.0 * len(rows), rows=len(rows),
+        height_mm=20.0 + 45.0 * len(rows), rows=len(rows),
         columns=max(len(row) for _, row in rows), sharex=True, sharey=True,
     )  # fmt: skip
     heading(
