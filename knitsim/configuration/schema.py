@@ -382,7 +382,7 @@ EQUILIBRIUM_REST = Section(
     stage="equilibrium_rest",
     keys=(
         Key("points", "points", "integer", "Control points of the spline of one loop, a multiple "
-            "of 4.", allowed="[24, 640]", default=40),
+            "of 4.", allowed="[24, 640]", default=48),
         Key("cell", "cell", "choice", "quarter: a quarter of a loop carries the symmetric states. "
             "full: one whole loop, without symmetry.", choices=("quarter", "full"),
             default="quarter"),

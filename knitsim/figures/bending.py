@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from knitsim.figures import style
-from knitsim.figures.images import DIRECTIONS, bent_fabric
 from knitsim.figures.states import (
     MM,
     PER_CM,
@@ -18,12 +17,15 @@ from knitsim.figures.states import (
     is_beyond_break,
     letter,
     state_at,
+    thinned,
     with_centreline,
 )
 from knitsim.figures.style import COLOURS, YARN_COLOURS
 from knitsim.figures.tubes import draw_tubes, view_of
+from knitsim.loop.repeat import bent_courses, rolled
 from knitsim.units import from_si
 
+DIRECTIONS = ("course", "wale")
 SYMBOL = {"course": "z", "wale": "y"}  # the paper's coordinates; x is the thickness
 LOOPS = {"course": (8, 6), "wale": (8, 9)}  # wales and courses drawn of a fabric bent along it
 VIEW = {"course": (-14.0, -50.0), "wale": (-44.0, -16.0)}  # along the cylinder's axis, from above
@@ -203,11 +205,15 @@ def fig11_bending(bending_course, bending_wale):
 def _bent(state, direction):
     """Courses, their colours, title and its colour of the fabric in a state of the bending test."""
     wide, high = LOOPS[direction]
-    curvature = float(state.curvature)
-    courses = bent_fabric(
-        state.centreline.values, curvature, direction, float(state.wale_spacing),
-        float(state.course_spacing), wide, high,
-    )  # fmt: skip
+    curvature, along = float(state.curvature), DIRECTIONS.index(direction)
+    spacings = float(state.wale_spacing), float(state.course_spacing)
+    courses = bent_courses(
+        thinned(state).centreline.values, *spacings, wide, high, curvature, along
+    )
+    # The middle of the piece lies flat, at the origin.
+    middle = -0.5 * np.array([wide * spacings[0], high * spacings[1], 0.0])
+    across = np.where(np.arange(3) == along, 0.0, middle)
+    courses = [rolled(course, curvature, middle[along], along) + across for course in courses]
     colours = [YARN_COLOURS["dark" if row % 2 else "pale"] for row in range(high)]
     side = "flat" if curvature == 0 else f"{'face' if curvature > 0 else 'back'} convex"
     broken = is_beyond_break(state)

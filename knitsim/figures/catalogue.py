@@ -68,6 +68,11 @@ FIGURES = (
         "fig14_fabric_tension", "tension", "tension", "fabric", _BOTH,
         _SOLVED,
     ),
+    Figure("fig15_relaxed_fabric", "equilibrium", "relaxed", "fabric", ("relaxed", "loop")),
+    Figure(
+        "fig16_equilibrium_tension", "equilibrium", "equilibrium_tension", "fabric",
+        ("relaxed", *_SOLVED),
+    ),
 )  # fmt: skip
 
 GROUPS = tuple(dict.fromkeys(figure.group for figure in FIGURES))

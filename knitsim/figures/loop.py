@@ -19,7 +19,7 @@ from knitsim.figures.yarn import (
 from knitsim.units import INCH, from_si
 
 # The loop from its side with the wales upwards, as in the view of the face.
-_SIDE = View((0, 0, 1), (0, 1, 0), (-1, 0, 0), "thickness", "wale direction")
+SIDE = View((0, 0, 1), (0, 1, 0), (-1, 0, 0), "thickness", "wale direction")
 _DIMENSION = {"arrowstyle": "<->", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
 _PLAIN = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
 
@@ -67,7 +67,7 @@ def fig03_loop_anchors(loop):
         heading(fig, f"Loop of the fabric “{fabric_name(loop)}”: {_size(loop)}")
         face, side = axes[0]
         _draw_loop(face, loop, "face", (left, right, bottom, top))
-        _draw_loop(side, loop, _SIDE, (middle - reach, middle + reach, bottom, top))
+        _draw_loop(side, loop, SIDE, (middle - reach, middle + reach, bottom, top))
         anchors = _mm(loop["anchor_point"].values)
         head = len(anchors) // 2
         for k, place in enumerate(anchors):
@@ -96,7 +96,7 @@ def _draw_loop(ax, loop, view, window):
     fabric.colours[2] = fabric.colours[2].copy()
     fabric.colours[2][here] = to_rgb("#D2C4A8")
     lines, colours = fabric.polylines, fabric.colours
-    if view is _SIDE:  # where neighbours would hide it
+    if view is SIDE:  # where neighbours would hide it
         lines, colours = [lines[2][here]], [colours[2][here]]
     # The middle loop goes where the file has it.
     lines = [points - shift for points in lines]

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from knitsim.errors import InputError
+
 
 def fabric_courses(loop, wale_spacing, course_spacing, loops_wide, loops_high):
     """One continuous line a course: list of ``loops_high`` arrays (m, 3) (m).
@@ -21,8 +23,10 @@ def rolled(points, curvature, shift, axis):
     axis: 0 if the course direction is curved, 1 if the wale direction is.  A fabric of this curvature
     (1/m, positive when the technical face is convex) lies on a cylinder whose axis is at thickness
     -1/curvature over coordinate 0, so the shift is a turn by curvature shift about it; at curvature 0
-    it is a translation.
+    it is a translation.  Raises InputError for another axis.
     """
+    if axis not in (0, 1):
+        raise InputError("axis", axis, "must be 0 (course) or 1 (wale)")
     angle = curvature * shift
     sine, cosine = np.sin(angle), np.cos(angle)
     moved = np.array(points, dtype=float)
