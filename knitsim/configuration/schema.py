@@ -386,6 +386,8 @@ EQUILIBRIUM_REST = Section(
         Key("cell", "cell", "choice", "quarter: a quarter of a loop carries the symmetric states. "
             "full: one whole loop, without symmetry.", choices=("quarter", "full"),
             default="quarter"),
+        Key("fit_density", "fit_density", "flag", "Also fit loop length and set so that the fabric at "
+            "rest has the stated density.", default=False),
         Key("set_compared", "set_compared", "numbers", "Fractions of set at which the relaxed "
             "density is compared over loop length.", allowed="[0, 1]", default=(0.0, 0.9)),
         Key("loop_length_low", "loop_length_low", "number", "Shortest loop length compared, over "

@@ -5,6 +5,7 @@ import xarray as xr
 
 from knitsim.configuration.schema import closure
 from knitsim.equilibrium.accuracy import fine_relaxed
+from knitsim.equilibrium.density import fit_density
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
@@ -95,6 +96,12 @@ def run(fabric, laws):
             "spacing": ["wale", "course"],
         },
     )
+    if test["fit_density"]:
+        with timings.measure("loop length and set fitted to the stated density"):
+            fit = fit_density(built, resolution)
+        dataset["fitted_loop_length"] = fit.loop_length
+        dataset["fitted_set"] = fit.set_fraction
+        dataset["fitted_misfit"] = ("spacing", fit.misfit)
     with timings.measure("effect of the assumptions"):
         dataset = dataset.merge(effect_dataset(fabric, closure(STAGE), headlines))
     dataset.attrs["not_reached"] = "; ".join(reasons)

@@ -58,6 +58,11 @@ COORDINATES = {
     "curvature": Name("m-1", "curvature, positive when the technical face is convex"),
     "phase": Name(None, "loading or recovery"),
     "cycle": Name("1", "number of the cycle, from 1"),
+    "comparison": Name(None, "verification case and quantity compared"),
+    "case": Name(None, "verification case: a scene with an exact answer"),
+    "case_group": Name(None, "kind of verification case"),
+    "compared_quantity": Name(None, "quantity compared with the exact answer"),
+    "elements": Name("1", "elements (spline spans) of each yarn"),
 }
 
 VARIABLES = {
@@ -140,6 +145,9 @@ VARIABLES = {
     "crossings_intact": Name(None, "whether the loops are interlooped", ("lost", "intact")),
     "stated_wale_spacing": Name("m", "distance of neighbouring wales as stated"),
     "stated_course_spacing": Name("m", "distance of neighbouring courses as stated"),
+    "fitted_loop_length": Name("m", "loop length with which the relaxed density is the stated one"),
+    "fitted_set": Name("1", "set with which the relaxed density is the stated one"),
+    "fitted_misfit": Name("1", "relative difference left between relaxed and stated spacing"),
     "kc": Name("1", "Munden's constant, loop length over course spacing"),
     "kw": Name("1", "Munden's constant, loop length over wale spacing"),
     "spacing_error": Name("1", "estimated relative error of the relaxed spacings"),
@@ -156,16 +164,26 @@ VARIABLES = {
         "1", "relative change of the quantity with the alternative value of the assumed input"
     ),
     "headline": Name(None, "the quantity itself with the values taken; unit in quantity_units"),
+    # verification
+    "computed_value": Name("1", "value computed by the equilibrium solver"),
+    "exact_value": Name("1", "exact value, for the computed angle or tension where it depends on one"),
+    "relative_error": Name("1", "|computed - exact| over |exact|, over 1 where the exact value is 0"),
+    "observed_order": Name("1", "order of convergence fitted to the errors above error_floor"),
+    "error_limit": Name("1", "largest relative error asked for with the most elements"),
+    "error_floor": Name("1", "relative error that more elements leave, about"),
 }  # fmt: skip
 
 REFERENCES = {
     "paper": "3-Dimension Simulation for Loop Structure of Weft-Knitted Fabric Considering"
     " Mechanical Properties of Yarn",
+    "bisshopp": "K. E. Bisshopp and D. C. Drucker, Quarterly of Applied Mathematics 3 (1945) 272",
     "choi_lo": "K. F. Choi and T. Y. Lo, Textile Research Journal 73 (2003) 739-748",
     "munden": "D. L. Munden, Journal of the Textile Institute 50 (1959) T448-T471",
     "peirce": "F. T. Peirce, Textile Research Journal 17 (1947) 123-147",
     "hearle": "J. W. S. Hearle, P. Grosberg, S. Backer, Structural Mechanics of Fibers, Yarns, and"
     " Fabrics, Wiley 1969",
+    "love": "A. E. H. Love, A Treatise on the Mathematical Theory of Elasticity, 4th ed., 1927",
+    "romero": "V. Romero et al., ACM Transactions on Graphics 40(4) (2021)",
     "vogel": "H. Vogel, Mathematical Biosciences 44 (1979) 179-189",
     "wang": "W. Wang et al., ACM Transactions on Graphics 27 (2008) 2",
 }
