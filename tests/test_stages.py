@@ -1,0 +1,147 @@
+"""The stages: laws to and from files, the effect of assumptions, the tables, bulky yarns."""
+
+import csv
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+
+from knitsim.configuration.study import load_study
+from knitsim.errors import ComputationError
+from knitsim.stages.equilibrium import contact_of, solver_fabric
+from knitsim.stages.laws import FORMS, law_from, law_variables, laws_of, stated_law
+from knitsim.stages.ledger import alternatives, effect_dataset
+from knitsim.stages.tables import law_corrections, timing_table
+from knitsim.yarn.compression import crossed_force
+
+YARN = {
+    "count_tex": 56,
+    "fibres": 40,
+    "tension_law": {"kind": "points", "strain": [0, 0.05], "tension_N": [0, 2.0]},
+}
+FABRIC = {"yarn": "y", "wales_per_cm": 6.67, "courses_per_cm": 8.33, "loop_length_mm": 5.56}
+SCENES = {"paper_yarn": {"tensile_test": {}}, "paper_fabric": {"kinematic_bending": {}}}
+
+
+@pytest.fixture
+def study(tmp_path):
+    def make(yarn=None, fabric=None, scenes=None):
+        for name, data in (
+            ("yarns", {"y": YARN | (yarn or {})}),
+            ("fabrics", {"f": FABRIC | (fabric or {})}),
+            ("scenes", scenes or SCENES),
+        ):
+            (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(data))
+        return load_study(tmp_path)
+
+    return make
+
+
+def test_law_goes_through_a_file_unchanged():
+    cotton = load_study("config").yarns["cotton"]
+    laws = laws_of(cotton, None)
+    coords = {"form": list(FORMS)}
+    dataset = xr.Dataset(law_variables(laws), coords)
+    for form in FORMS:
+        again = law_from(dataset, form)
+        assert np.array_equal(again.strain, laws[form].strain)
+        assert np.array_equal(again.tension, laws[form].tension)
+        assert again.breaking_strain == 0.07 and not again.plastic
+    assert laws["printed"].strain.size == laws["continuous"].strain.size + 1
+
+
+def test_constants_per_filament_are_those_of_all_filaments_side_by_side():
+    polyester = load_study("config").yarns["polyester"]
+    law = stated_law(polyester)
+    assert law.initial_stiffness == pytest.approx(72 * 6.34)
+    assert law.tension_at(0.05) == pytest.approx(72 * (6.34 * 0.02 + 2.41 * 0.03))
+    assert law.plastic
+
+
+def test_effects_are_those_of_running_again(study):
+    assumed = {"assumed": 5.56, "range": [5.5, 5.8], "because": "a test"}
+    fabric = study(fabric={"loop_length_mm": assumed}).fabrics["f"]
+
+    def headlines(resolved):
+        if resolved["loop_length"] > 5.7e-3:
+            raise ComputationError("too long for the test")
+        return {"twice": (2.0 * resolved["loop_length"], "m"), "constant": (3.0, "1")}
+
+    found = effect_dataset(fabric, {"centre_line"}, headlines)
+    assert found.headline.values == pytest.approx([2 * 5.56e-3, 3.0])
+    effect = found.assumption_effect.sel(alternative="loop_length_mm=5.5").values
+    assert effect == pytest.approx([5.5 / 5.56 - 1, 0.0], abs=1e-12)
+    refused = found.sel(alternative="loop_length_mm=5.8")
+    assert np.isnan(refused.assumption_effect.values).all()
+    assert str(refused.refused.values) == "too long for the test"
+
+
+def test_choices_give_every_other_one(study):
+    fabric = study().fabrics["f"]
+    values = {value for row, value in alternatives(fabric, {"centre_line"}) if not row.low}
+    assert values == {"curve"}
+
+
+def test_jump_of_k3_as_printed():
+    cotton = load_study("config").yarns["cotton"]
+    dataset = xr.Dataset(law_variables(laws_of(cotton, None)), {"form": list(FORMS)})
+    (row,) = law_corrections(dataset, "cotton")
+    # 94.005 * 0.01 - 0.48942 - 43.805 * 0.01
+    assert row[4] == pytest.approx(0.01258, rel=1e-9)
+
+
+def test_timing_table_puts_the_papers_times_beside_the_whole_tests(tmp_path):
+    columns = "stage,subject,name,value,units,repeats,note,machine"
+    rows = [
+        'kinematic_tension,c,"course: 200 steps, positions of 72 fibres",0.01,s,3,,m',
+        'kinematic_tension,c,"wale: all readings",0.2,s,1,,m',
+        'kinematic_tension,c,"wale: effect of the assumptions",0.3,s,1,,m',
+    ]
+    (tmp_path / "one.csv").write_text("\n".join([columns, *rows]))
+    timing_table([tmp_path / "one.csv"], tmp_path / "timing.csv")
+    with (tmp_path / "timing.csv").open() as file:
+        found = {row["name"]: row["paper_value"] for row in csv.DictReader(file)}
+    assert list(found.values()) == ["300.0", "480.0", ""]
+
+
+def test_compression_is_calibrated_from_a_curve(study, tmp_path):
+    thickness = np.linspace(0.45, 0.56, 9)
+    diameter = study().yarns["y"]["diameter"]
+    force = crossed_force(1e-3 * thickness - diameter, diameter, 700.0)
+    lines = [f"{t:.9f},{f:.12f}" for t, f in zip(thickness, force, strict=True)]
+    (tmp_path / "pressed.csv").write_text(
+        "\n".join(["# synthetic", "thickness_mm,force_N", *lines])
+    )
+    yarn = study(yarn={"compression_curve": {"file": "pressed.csv"}}).yarns["y"]
+    assert contact_of(yarn).stiffness == pytest.approx(700.0, rel=1e-6)
+
+
+def test_a_bulky_yarn_with_a_core_starts_without_choi_and_los_loop(study):
+    """Acrylic jersey of Singal et al. (2024): l/d = 7.6, relaxed cell about 2.86 by 2.07 mm."""
+    from knitsim.equilibrium.relax import relax
+
+    made = study(
+        yarn={
+            "count_tex": 700,
+            "density_g_per_cm3": 1.17,
+            "diameter_mm": 1.48,
+            "twist_per_m": 100,
+            "bending_rigidity_N_mm2": 0.045,
+            "core_law": {"core_diameter_mm": 0.65, "stiffness_N_per_mm3": 0.0012, "exponent": 2.4},
+            "tension_law": {"kind": "points", "strain": [0, 0.1], "tension_N": [0, 100]},
+        },
+        fabric={
+            "wales_per_cm": 10 / 2.86,
+            "courses_per_cm": 10 / 2.07,
+            "loop_length_mm": 11.28,
+        },
+        scenes={"paper_yarn": {"tensile_test": {}}, "paper_fabric": {"equilibrium_rest": {}}},
+    )
+    fabric = made.fabrics["f"]
+    assert not fabric.scene.needs_loop
+    relaxed = relax(solver_fabric(fabric, stated_law(fabric.yarn)))
+    assert relaxed.crossings_intact
+    # The published cell is that of the real, knitted fabric: the model comes within 8 %.
+    assert relaxed.wale_spacing == pytest.approx(2.86e-3, rel=0.08)
+    assert relaxed.course_spacing == pytest.approx(2.07e-3, rel=0.08)
