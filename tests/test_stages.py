@@ -145,3 +145,33 @@ def test_a_bulky_yarn_with_a_core_starts_without_choi_and_los_loop(study):
     # The published cell is that of the real, knitted fabric: the model comes within 8 %.
     assert relaxed.wale_spacing == pytest.approx(2.86e-3, rel=0.08)
     assert relaxed.course_spacing == pytest.approx(2.07e-3, rel=0.08)
+
+
+def test_equilibrium_test_starts_from_rest_and_is_stored_whole(study):
+    from knitsim.stages.equilibrium_tension import run
+
+    tension = {"states": 3, "max_strain_course": 0.3, "directions": ["course"]}
+    scenes = {
+        "paper_yarn": {"tensile_test": {}},
+        "paper_fabric": {
+            "equilibrium_rest": {},
+            "equilibrium_tension": tension
+            | {"variants": {"free": {}, "back": {"friction": True, "recovery": True}}},
+        },
+    }
+    fabric = study(scenes=scenes).fabrics["f"]
+    dataset, _ = run(fabric, {"continuous": stated_law(fabric.yarn)}, "course")
+    free = dataset.sel(variant="free")
+    reached = np.isfinite(free.strain.values)
+    assert free.strain.values[reached] == pytest.approx([0, 0.1, 0.2, 0.3])
+    assert (np.diff(free.force_per_loop.values[reached]) > 0).all()
+    assert free.force_per_loop.values[0] == 0
+    # Work is integrated from the force, energy is not: they agree to the 5e-3 that is promised.
+    energy = free.energy.sum("term").values[reached]
+    assert free.work.values[reached] == pytest.approx(energy - energy[0], rel=5e-3, abs=1e-12)
+    back = dataset.sel(variant="back")
+    last = int(np.isfinite(back.strain.values).sum()) - 1
+    assert back.phase.values[last] == "recovery" and back.strain.values[last] > 0
+    assert abs(back.force_per_loop.values[last]) < 1e-3 * back.force_per_loop.max()
+    assert (back.crossings_intact.values[: last + 1] == 1).all()
+    assert (np.diff(back.dissipated.values[: last + 1]) >= 0).all()

@@ -3,12 +3,13 @@
 Outcomes: "reached", the asked strain was reached and the judge found nothing; "stopped", the curve
 ended before with its reason; "refused", InputError or ComputationError with its reason; "wrong", the
 judge found something in what was computed, or the solver failed in another way.  Stopped states are
-judged too.
+judged too, and the judge takes the force to be as exact as the solver's own error estimate says.
 """
 
 import dataclasses
 import math
 import time
+from functools import partial
 
 import numpy as np
 
@@ -16,22 +17,24 @@ from knitsim.equilibrium.fabric import BarrierContact, Fabric, Resolution
 from knitsim.equilibrium.relax import relax
 from knitsim.equilibrium.tension import tensile
 from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation.campaign import POINTS, RANGES, SEED, Case, draw, impossible
+from knitsim.evaluation.campaign import POINTS, SEED, Case, draw, impossible
 from knitsim.evaluation.judge import States, judge
 from knitsim.evaluation.judge_energy import Given
 from knitsim.yarn.law import TensionLaw
 
-STORED = 0.02  # largest strain between stored states
+# Strains of stored states: close together where friction sets in, then this far apart at most.
+FIRST, STORED = (0.0025, 0.005), 0.01
 REACHED, STOPPED, REFUSED, WRONG = "reached", "stopped", "refused", "wrong"
 LEAST_REACHED = 0.97  # of the possible cases
+EXACT = 0.05  # estimated error of the force up to which a test counts as exact in the summary
 
 _INPUTS = [f.name for f in dataclasses.fields(Case)]
-_RESULTS = ("outcome", "reached_strain", "yarn_strain", "min_distance", "reason")
+_RESULTS = ("outcome", "reached_strain", "yarn_strain", "min_distance", "numerical_error", "reason")
 COLUMNS = [
     *_INPUTS, "possible", "impossible_because", "outcome", "rest_outcome", "rest_reason",
     *(f"{direction}_{name}" for direction in ("course", "wale") for name in _RESULTS),
 ]  # fmt: skip
-TIMES = ("number", "relaxing", "course", "wale", "judging")
+TIMES = ("number", "relaxing", "course", "wale", "errors", "judging")
 SUMMARY = ("quantity", "value", "limit")
 
 
@@ -123,31 +126,41 @@ def _rest(relaxed):
     return States(
         relaxed.centreline[None], np.array([relaxed.wale_spacing]),
         np.array([relaxed.course_spacing]), zero, zero, relaxed.energy[None], zero, zero,
-        np.array([relaxed.min_distance]),
+        np.array([relaxed.min_distance]), np.full(1, np.nan),
     )  # fmt: skip
+
+
+def _states(rest, curve, error):
+    """The states of a curve after the rest; error: estimated error of its forces."""
+    values = {
+        "centreline": curve.centreline, "wale_spacing": curve.wale_spacing,
+        "course_spacing": curve.course_spacing, "strain": curve.strain,
+        "force": curve.force_per_loop, "energy": curve.energy, "work": curve.work,
+        "dissipated": curve.dissipated, "min_distance": curve.min_distance,
+        "numerical_error": error,
+    }  # fmt: skip
+    return States(**{name: np.concatenate([getattr(rest, name), v]) for name, v in values.items()})
 
 
 def _test(case, given, relaxed, rest, direction, clock):
     """Results (by _RESULTS) of one test of a relaxed fabric."""
     asked = case.asked(direction)
     steps = math.ceil(asked / STORED)
-    strains = asked * np.arange(1, steps + 1) / steps
+    strains = np.concatenate([FIRST, asked * np.arange(1, steps + 1) / steps])
     found = dict.fromkeys(_RESULTS, "")
     curve, found["outcome"], found["reason"] = _guarded(
         lambda: clock.time(direction, tensile, relaxed, direction, strains)
     )
     if curve is None:
         return found
+    known, _, _ = _guarded(
+        lambda: clock.time(
+            "errors", partial(tensile, relaxed, direction, strains, estimate_error=True)
+        )
+    )
+    error = np.full(curve.steps, np.nan) if known is None else known.numerical_error
     outcome, reason = (STOPPED, curve.stop_reason) if curve.stop_reason else (REACHED, "")
-    states = States(*(
-        np.concatenate([getattr(rest, name), values])
-        for name, values in {
-            "centreline": curve.centreline, "wale_spacing": curve.wale_spacing,
-            "course_spacing": curve.course_spacing, "strain": curve.strain,
-            "force": curve.force_per_loop, "energy": curve.energy, "work": curve.work,
-            "dissipated": curve.dissipated, "min_distance": curve.min_distance,
-        }.items()
-    ))  # fmt: skip
+    states = _states(rest, curve, error)
     found["outcome"], found["reason"] = _verdict(
         outcome, reason,
         clock.time(
@@ -157,6 +170,7 @@ def _test(case, given, relaxed, rest, direction, clock):
     found["reached_strain"] = float(curve.strain[-1])
     found["yarn_strain"] = float(curve.yarn_strain[-1])
     found["min_distance"] = float(curve.min_distance[-1])
+    found["numerical_error"] = float(error[-1])
     return found
 
 
@@ -184,11 +198,14 @@ def summary(rows):
         ),
     ]  # fmt: skip
     for direction in ("course", "wale"):
-        done = sum(row[f"{direction}_outcome"] == REACHED for row in possible)
-        table.append((f"possible cases that reached the asked {direction} strain", done, ""))
+        done = [row for row in possible if row[f"{direction}_outcome"] == REACHED]
+        exact = sum(float(row[f"{direction}_numerical_error"]) <= EXACT for row in done)
+        table += [
+            (f"possible cases that reached the asked {direction} strain", len(done), ""),
+            (
+                f"of these, with an estimated error of the force of {100 * EXACT:g} % at most",
+                exact,
+                "",
+            ),
+        ]
     return table
-
-
-def law_rows():
-    """Rows (name, low, high, scale) of the sampling law."""
-    return [(name, low, high, scale or "linear") for name, (low, high, scale) in RANGES.items()]

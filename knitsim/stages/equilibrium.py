@@ -42,6 +42,29 @@ def resolution_of(fabric):
     return Resolution(points=rest["points"], cell=rest["cell"])
 
 
+def from_rest(curve, relaxed):
+    """The Curve with the relaxed state as its first: strain, force, work and their error are zero."""
+    first = {
+        "energy": relaxed.energy,
+        "min_distance": relaxed.min_distance,
+        "residual": relaxed.residual,
+        "iterations": relaxed.iterations,
+        "cycle": 1,
+        "y": relaxed.y,
+    }
+    names = (
+        "strain", "wale_strain", "phase", "cycle", "force_per_loop", "force_per_width", "forces",
+        "energy", "work", "dissipated", "min_distance", "residual", "iterations", "status", "y",
+        "numerical_error",
+    )  # fmt: skip
+    rows = {}
+    for name in names:
+        values = np.asarray(getattr(curve, name))
+        row = np.broadcast_to(np.asarray(first.get(name, 0)), values.shape[1:])
+        rows[name] = np.concatenate([row[None], values]).astype(values.dtype)
+    return curve.replaced(**rows)
+
+
 def curve_dataset(curve, relaxed, breaking_strain, steps=None, along="strain"):
     """Dataset of a knitsim.equilibrium Curve, padded to ``steps`` stored states.
 

@@ -7,7 +7,7 @@ import numpy as np
 from knitsim.configuration.schema import closure
 from knitsim.equilibrium.relax import relax
 from knitsim.equilibrium.tension import tensile
-from knitsim.stages.equilibrium import curve_dataset, resolution_of, solver_fabric
+from knitsim.stages.equilibrium import curve_dataset, from_rest, resolution_of, solver_fabric
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
 from knitsim.store.tensile import stack_variants
@@ -41,7 +41,8 @@ def _solve(fabric, law, choice, direction):
     relaxed = relax(built, resolution_of(fabric))
     strains = _strains(choice, direction)
     curve = tensile(relaxed, direction, strains, estimate_error=True, **_conditions(choice))
-    return relaxed, curve
+    # Under a lateral load the fabric at its relaxed spacing carries a force: it does not start at rest.
+    return relaxed, curve if choice["lateral"] == "loaded" else from_rest(curve, relaxed)
 
 
 def headlines(fabric, direction):
@@ -70,7 +71,7 @@ def run(fabric, laws, direction):
         relaxed, curve = solved[name]
         reasons[name] = curve.stop_reason
         timings.repeat(
-            f"{direction}: {name}, {curve.steps} states",
+            f"{direction}: {name}, {curve.steps - 1} states from rest",
             partial(
                 tensile, relaxed, direction, _strains(choice, direction), **_conditions(choice)
             ),

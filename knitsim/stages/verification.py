@@ -64,12 +64,17 @@ def run(studied=None):
     return dataset, [_row(one) for one in found], timings
 
 
+def _number(value):
+    """Ten digits; round-off about 0 is 0."""
+    return f"{round(float(value), 12):.10g}"
+
+
 def _row(one):
     """Row of the table of a Checked: what it has come to with the most elements."""
     order = f"{one.order:.2f}" if np.isfinite(one.order) else ""
     error = one.error[-1]
     return (
-        one.case.name, one.quantity, f"{one.value[-1]:.10g}", f"{one.exact[-1]:.10g}",
+        one.case.name, one.quantity, _number(one.value[-1]), _number(one.exact[-1]),
         f"{error:.2e}", one.case.elements[-1], order, f"{one.case.limit:g}",
         "yes" if error <= one.case.limit else "no",
         f"errors below about {one.floor:.0e}: {one.case.note}",
