@@ -37,8 +37,8 @@ RANGES = {
     # K d over the first slope; the cotton has 0.0064.
     "compression": (3e-3, 0.3, "log"),
     "friction": (0.0, 0.6, ""),
-    "course_strain": (0.02, 1.0, ""),
-    "wale_strain": (0.02, 0.6, ""),
+    "course_strain": (0.05, 1.0, ""),
+    "wale_strain": (0.05, 0.6, ""),
 }  # fmt: skip
 FRICTIONLESS = 0.2  # part of the cases that have no friction at all
 
@@ -136,19 +136,19 @@ def impossible(case):
     courses of 2 x d each, l (1 + e) >= w + 8 x d; along the wale it is Peirce's loop at its
     narrowest, l (1 + e) >= 2 c + (4 + 5.94) x d.
     """
-    d, l, reasons = case.diameter, case.loop_length, []
+    d, length, reasons = case.diameter, case.loop_length, []
     if case.wale_spacing < TIGHT_WALE * AT_REST * d:
         reasons.append("stated wale spacing: no room for four yarns")
     if case.course_spacing < TIGHT_COURSE * AT_REST * d:
         reasons.append("stated course spacing: no room for two yarns")
-    if l < 2.0 * case.course_spacing + case.wale_spacing + PEIRCE * AT_REST * d:
+    if length < 2.0 * case.course_spacing + case.wale_spacing + PEIRCE * AT_REST * d:
         reasons.append("loop too short to interlace at the stated density")
-    longest = l * (1.0 + case.breaking_strain)
+    longest = length * (1.0 + case.breaking_strain)
     close = squeeze_at_break(case) * d
-    course = l / MUNDEN["course"] * (1.0 + case.course_strain)
+    course = length / MUNDEN["course"] * (1.0 + case.course_strain)
     if longest < course + 4.0 * TIGHT_COURSE * close:
         reasons.append("course strain: the yarn breaks before")
-    wale = l / MUNDEN["wale"] * (1.0 + case.wale_strain)
+    wale = length / MUNDEN["wale"] * (1.0 + case.wale_strain)
     if longest < 2.0 * wale + (TIGHT_WALE + PEIRCE) * close:
         reasons.append("wale strain: the yarn breaks before")
     return tuple(reasons)

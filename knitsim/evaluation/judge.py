@@ -2,7 +2,9 @@
 
 What is read: the centre line of one loop and the spacings in every stored state, and the numbers that
 the solver reports beside them.  The judge measures the shape itself (:mod:`judge_energy`) and compares.
-The limits follow from what the method claims, not from its results; each stands with its reason.
+The limits follow from what the method claims and were fixed before the campaign.  The checks of work,
+friction and slope took their form, and FROM, MORE, LESS, COULOMB and LAGGED their values, on 20 trial
+cases of another seed.
 """
 
 from dataclasses import dataclass
@@ -18,20 +20,23 @@ ROUND_OFF = 1e-12  # of the yarn's stiffness: forces below it are noise
 SAME = 1e-6  # relative: the same sum, reported and measured
 # Without friction the force is the derivative of the energy at this very state.
 FORCE = 1e-3
-# Work done less energy stored less energy lost, over the work so far: the method's 2 % at friction and
-# half of that for what is read between the stored states.
+# Work done less energy stored less energy lost, over the work so far: the method claims 2 % of force
+# with friction, and half of that is added for what happens between stored states.
 BALANCE = 0.03
-# The same with the energy measured by finer integrals and the law without rounded kinks.
-FINE_BALANCE = 0.05
-FROM = 0.1  # balances are read against this part of the whole work at least
+# Force against the slope of the energy measured by finer integrals, the law without rounded kinks:
+# at most this, or what the solver itself says that it may be off by.
+FINE_FORCE = 0.05
+FROM = 0.25  # balances are read against this part of the whole work at least
 WORK = 0.02  # reported work against the integral of the reported force
-# Reported and measured energy lost, over the work: the slip is read between stored states, between
-# which the solver takes several steps.
-LOST = 0.05
-# Coulomb's law with a normal force lagged by one pass.
-COULOMB = 1.25
+# Energy lost, over the work: all pairs slipping take the most, and most of them do slip.
+MORE, LESS = 0.02, 0.10
+# Coulomb's law with normal forces lagged by one pass: a quarter more than the force of the moment,
+# and a tenth of the largest where contact is just lost.
+COULOMB, LAGGED = 1.25, 0.1
+GAUSS = 3  # Gauss points per span that the method states
 FINE_GAUSS, FINE_CONTACTS = 8, 4
-JUDGED = 5  # states of a test whose forces are measured
+JUDGED = 6  # states of a test whose forces are measured
+SETTLED = 3  # slopes of the energy are read after this state
 VIEW = 4  # vertices per span of the polyline whose crossings are read
 
 # Read along the loop from its head, from the technical face: (neighbour course, over).
@@ -48,7 +53,9 @@ class States:
     centreline (n, 2 points + 1, 3), m: two samples per span from the sinker arc on, the last is the
     first, one wale further; wale_spacing, course_spacing (m); strain: along the pull from the first
     state; force: along the pull (N per loop); energy (n, 3): stretch, bending, contact (J); work,
-    dissipated: from the first state on (J); min_distance: in diameters, NaN where nothing is near.
+    dissipated: from the first state on (J); min_distance: in diameters, NaN where nothing is near;
+    numerical_error: what the solver says that its force may be off by, over max(|force|, 1 % of the
+    largest), NaN where it does not say.
     """
 
     centreline: np.ndarray
@@ -60,6 +67,7 @@ class States:
     work: np.ndarray
     dissipated: np.ndarray
     min_distance: np.ndarray
+    numerical_error: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -94,10 +102,12 @@ def _sound(given, states, direction, asked):
     """Finite, of the right shape, at the strains that it says."""
     findings = []
     for name, values in vars(states).items():
-        if name == "min_distance":
+        if name in ("min_distance", "numerical_error"):
             continue
         bad = ~np.isfinite(values).reshape(len(values), -1).all(1)
-        findings += [Finding(f"{name} is not finite", int(i), np.nan, 0.0) for i in np.nonzero(bad)[0]]
+        findings += [
+            Finding(f"{name} is not finite", int(i), np.nan, 0.0) for i in np.nonzero(bad)[0]
+        ]
     if findings:
         return findings
     n = given.points
@@ -133,17 +143,25 @@ def crossings(line, wale_spacing, course_spacing):
     start, step = line[:-1], np.diff(line, axis=0)
     for course in (1, -1):
         for wale in range(-3, 4):
-            other = start + [wale * wale_spacing, course * course_spacing, 0.0]
-            gap = other[None] - start[:, None]
-            area = step[:, None, 0] * step[None, :, 1] - step[:, None, 1] * step[None, :, 0]
+            shift = np.array([wale * wale_spacing, course * course_spacing, 0.0])
+            own, other = _within(line, line + shift), _within(line + shift, line)
+            a, b = step[own][:, None], step[other][None]
+            gap = start[other][None] + shift - start[own][:, None]
+            area = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
             with np.errstate(divide="ignore", invalid="ignore"):
-                p = (gap[..., 0] * step[None, :, 1] - gap[..., 1] * step[None, :, 0]) / area
-                q = (gap[..., 0] * step[:, None, 1] - gap[..., 1] * step[:, None, 0]) / area
+                p = (gap[..., 0] * b[..., 1] - gap[..., 1] * b[..., 0]) / area
+                q = (gap[..., 0] * a[..., 1] - gap[..., 1] * a[..., 0]) / area
             for i, k in np.argwhere((p >= 0.0) & (p < 1.0) & (q >= 0.0) & (q < 1.0)):
-                own = start[i, 2] + p[i, k] * step[i, 2]
-                height = other[k, 2] + q[i, k] * step[k, 2]
-                found.append(((i + p[i, k] - head) % len(start), course, bool(own > height)))
+                above = p[i, k] * a[i, 0, 2] - gap[i, k, 2] - q[i, k] * b[0, k, 2]
+                found.append(((own[i] + p[i, k] - head) % len(start), course, bool(above > 0.0)))
     return [(course, over) for _, course, over in sorted(found)]
+
+
+def _within(line, other):
+    """Numbers of the segments of a line whose boxes, seen from above, meet the box of the other."""
+    low, high = np.minimum(line[:-1], line[1:]), np.maximum(line[:-1], line[1:])
+    meets = (high >= other.min(0)) & (low <= other.max(0))
+    return np.flatnonzero(meets[:, :2].all(1))
 
 
 def _interlooped(states):
@@ -167,128 +185,147 @@ class _Judge:
         self.given, self.states, self.direction = given, states, direction
         # The first spacing, between wales, is the one that a pull along the course prescribes.
         self.pulled = 1 if direction == "wale" else 0
-        self.lattices = np.stack([states.wale_spacing, states.course_spacing], axis=1)
-        self.shapes = [
-            (control_of(line[:-1:2], lattice[0]), lattice)
-            for line, lattice in zip(states.centreline, self.lattices, strict=True)
-        ]
-        self.same = Energy(given, 3, given.contacts, ROUNDED_STRAIN)
+        self.same = Energy(given, GAUSS, given.contacts, ROUNDED_STRAIN)
         self.fine = Energy(given, FINE_GAUSS, FINE_CONTACTS * given.contacts, 0.0)
+        self.shapes = self._shapes(self.same, range(len(states.strain)))
         last = len(self.shapes) - 1
         self.judged = np.unique(np.linspace(min(1, last), last, JUDGED).astype(int))
+        # Slopes are taken between the states on either side, away from where friction sets in.
+        self.sloped = self.judged[(self.judged > SETTLED) & (self.judged < last)]
         slope = given.law_tension[1] / given.law_strain[1]
         self.noise = RESIDUAL * given.bending_rigidity / given.diameter**2 + ROUND_OFF * slope
 
-    def findings(self):
-        stored = np.array([self.same.terms(*shape) for shape in self.shapes])
+    def _shapes(self, energy, which):
+        s = self.states
         return [
-            *self._energies(stored),
-            *self._distances(),
-            *self._forces(),
-            *(self._balances(stored.sum(1)) if self.direction else ()),
-        ]
+            energy.shape(
+                control_of(s.centreline[i][:-1:2], s.wale_spacing[i]),
+                s.wale_spacing[i], s.course_spacing[i],
+            )
+            for i in which
+        ]  # fmt: skip
+
+    def findings(self):
+        stored = np.array([self.same.terms(shape) for shape in self.shapes])
+        which = np.unique([0, *self.judged, *(self.sloped - 1), *(self.sloped + 1)])
+        fine = dict(zip(which.tolist(), self._shapes(self.fine, which), strict=True))
+        findings = [*self._energies(stored), *self._distances(fine), *self._forces()]
+        if self.direction:
+            findings += [*self._balances(stored.sum(1)), *self._slopes(fine)]
+        return findings
 
     def _energies(self, stored):
-        scale = self.states.energy.sum(1)
-        off = np.abs(self.states.energy - stored).max(1) / scale
-        yield from self._above("energy is not that of the shape", off, SAME)
+        whole = self.states.energy.sum(1)
+        off = np.abs(self.states.energy - stored).max(1) / whole
+        yield from _above("energy is not that of the shape", off, SAME)
         # At rest a fabric has the least energy near it; without work there is no way below.
-        yield from self._above("energy is below that at rest", 1.0 - scale / scale[0], SAME)
+        yield from _above("energy is below that at rest", 1.0 - whole / whole[0], SAME)
 
-    def _distances(self):
-        given, reported = self.given, self.states.min_distance
-        apart = given.loop_length / given.contacts / given.diameter
-        for i, shape in enumerate(self.shapes):
-            sizes = [_nearest(energy, shape) / given.diameter for energy in (self.same, self.fine)]
-            if sizes[0] < 1.0 and not abs(reported[i] / sizes[0] - 1.0) <= SAME:
-                yield Finding("smallest distance is not that of the shape", i, reported[i], sizes[0])
-            # Closer than half their own spacing, contact points no longer see a crossing.
-            if sizes[1] < 0.5 * apart:
-                yield Finding("yarns closer than contact points can tell", i, sizes[1], 0.5 * apart)
+    def _distances(self, fine):
+        own = np.array([shape.distance.min(initial=np.inf) for shape in self.shapes])
+        touching = np.isfinite(own)
+        off = np.abs(self.states.min_distance * self.given.diameter / own - 1.0)
+        yield from _above(
+            "smallest distance is not that of the shape", np.where(touching, off, 0.0), SAME
+        )
+        # Closer than half their own spacing, contact points no longer see a crossing.
+        apart = 0.5 * self.given.loop_length / self.given.contacts
+        for i, shape in fine.items():
+            nearest = shape.distance.min(initial=np.inf)
+            if nearest < apart:
+                yield Finding("yarns closer than contact points can tell", i, nearest, apart)
+                return
 
     def _forces(self):
         """Equilibrium of every control point and free spacing, and the force on the pulled one."""
         largest = np.abs(self.states.force).max()
         for i in self.judged if self.direction else [0]:
-            on_points, on_lattice = self.same.gradient(*self.shapes[i])
+            on_points, on_lattice = self.same.gradient(self.shapes[i])
             held, slack = np.zeros(2), np.full(2, self.noise)
             if self.direction:
                 held[self.pulled] = self.states.force[i]
                 slack[self.pulled] += FORCE * max(abs(self.states.force[i]), 0.01 * largest)
-            most = np.zeros((self.given.points, 3)), np.zeros(2)
+            limit = np.full(on_points.shape, self.noise)
             # At rest nothing has rubbed.
-            if self.given.friction > 0.0 and self.direction and i > 0:
-                most = self.same.coulomb(*self.shapes[i])
-            limit = COULOMB * most[0] + self.noise
+            if self.given.friction > 0.0 and self.direction:
+                rub = self.same.coulomb(self.shapes[i])
+                limit += COULOMB * rub[0] + LAGGED * rub[0].max()
+                slack += COULOMB * rub[1] + LAGGED * rub[1].max()
             worst = np.unravel_index(np.argmax(np.abs(on_points) / limit), limit.shape)
-            if abs(on_points[worst]) > limit[worst]:
-                yield Finding(
-                    "a control point is not in equilibrium", int(i), on_points[worst], limit[worst]
-                )
-            for name, value, bound in zip(
-                ("wale", "course"), held - on_lattice, COULOMB * most[1] + slack, strict=True
+            if not abs(on_points[worst]) <= limit[worst]:
+                value, bound = abs(on_points[worst]), limit[worst]
+                yield Finding("a control point is not in equilibrium", int(i), value, bound)
+            for name, off, bound in zip(
+                ("wale", "course"), np.abs(held - on_lattice), slack, strict=True
             ):
-                if abs(value) > bound:
-                    yield Finding(f"force on the {name} spacing is wrong", int(i), value, bound)
+                if not off <= bound:
+                    yield Finding(f"force on the {name} spacing is wrong", int(i), off, bound)
 
     def _balances(self, stored):
-        states, given = self.states, self.given
-        work = integral(self.lattices[:, self.pulled], states.force)
-        if not np.abs(work).max() > 0.0:
-            yield Finding("no work was done", len(work) - 1, 0.0, 0.0)
+        states = self.states
+        spacing = np.array([shape.lattice[self.pulled] for shape in self.shapes])
+        work, trapezia = integral(spacing, states.force), integral(spacing, states.force, order=1)
+        whole = np.abs(work).max()
+        if not whole > 0.0:
+            yield Finding("no work was done", len(work) - 1, whole, 0.0)
             return
-        lost = np.zeros(len(work))
-        if given.friction > 0.0:
+        against = np.maximum(np.abs(work), FROM * whole)
+        # What the integral itself may be off by: its smoothness, and friction that sets in at an
+        # unknown place of the first step.
+        doubt = 0.5 * np.abs(work - trapezia)
+        most = np.zeros(len(work))
+        if self.given.friction > 0.0:
+            doubt[1:] += 0.5 * abs(states.force[1] * (spacing[1] - spacing[0]))
             steps = zip(self.shapes[:-1], self.shapes[1:], strict=True)
-            lost[1:] = np.cumsum([self.same.rubbed(*pair) for pair in steps])
-        against = np.maximum(np.abs(work), FROM * np.abs(work).max())
-        yield from self._above(
-            "work is not stored or lost", np.abs(work - stored + stored[0] - lost) / against, BALANCE
+            most[1:] = np.cumsum([self.same.rubbed(*pair) for pair in steps])
+
+        def off(values):
+            return np.maximum(np.abs(values) - doubt, 0.0) / against
+
+        lost = states.dissipated
+        yield from _above(
+            "work is not stored or lost", off(work - stored + stored[0] - lost), BALANCE
         )
-        fine = self.fine
-        gain = np.full(len(work), stored[0])
-        for i in self.judged:
-            gain[i] = fine.terms(*self.shapes[i]).sum()
-        gain -= fine.terms(*self.shapes[0]).sum()
-        off = np.zeros(len(work))
-        off[self.judged] = (np.abs(work - gain - lost) / against)[self.judged]
-        yield from self._above("work is not stored or lost, finer integrals", off, FINE_BALANCE)
-        yield from self._above(
-            "reported work is not that of the force", np.abs(states.work - work) / against, WORK
-        )
-        yield from self._above(
-            "reported loss is not friction times slip",
-            np.abs(states.dissipated - lost) / against, LOST,
-        )  # fmt: skip
-        fall = -np.diff(states.dissipated, prepend=0.0) / against
-        yield from self._above("friction gives energy", fall, SAME)
+        yield from _above("reported work is not that of the force", off(states.work - work), WORK)
+        yield from _above("friction takes more than Coulomb's law", (lost - most) / against, MORE)
+        yield from _above("friction takes less than it must", (most - lost) / against, LESS)
+        yield from _above("friction gives energy", -np.diff(lost, prepend=0.0) / against, SAME)
 
-    @staticmethod
-    def _above(check, values, limit):
-        """The worst state of a check, if it breaks the limit; what is not a number does."""
-        bad = ~(values <= limit)
-        if bad.any():
-            worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
-            yield Finding(check, worst, float(values[worst]), limit)
+    def _slopes(self, fine):
+        """Mean force between two states against what was stored and lost, measured more finely."""
+        s = self.states
+        largest = np.abs(s.force).max()
+        for i in self.sloped:
+            near = slice(i - 1, i + 2)
+            x = np.array([shape.lattice[self.pulled] for shape in self.shapes[near]])
+            work = integral(x, s.force[near])[-1]
+            gain = (self.fine.terms(fine[i + 1]) - self.fine.terms(fine[i - 1])).sum()
+            gain += s.dissipated[i + 1] - s.dissipated[i - 1]
+            scale = max(abs(s.force[i]), 0.01 * largest) * abs(x[2] - x[0])
+            yield from _above(
+                "force is not the slope of the energy, finer integrals",
+                np.array([abs(work - gain) / scale]), np.fmax(FINE_FORCE, s.numerical_error[i]), i,
+            )  # fmt: skip
 
 
-def integral(x, y):
-    """Integral of y over x from the first point to every one, (n,): fourth order on smooth data.
+def _above(check, values, limit, first=0):
+    """The worst state (numbered from ``first``), if it breaks the limit; what is no number does."""
+    if not (values <= limit).all():
+        worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
+        yield Finding(check, int(first) + worst, float(values[worst]), float(limit))
 
-    On each interval the mean of the parabolas through it and either neighbour.
+
+def integral(x, y, order=3):
+    """Integral of y over x from the first point to every one, (n,).
+
+    order 1: trapezia; 3: on each interval the mean of the parabolas through it and either neighbour.
     """
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     h = np.diff(x)
     parts = 0.5 * h * (y[1:] + y[:-1])
-    if len(h) > 1:
+    if order > 1 and len(h) > 1:
         slope = np.diff(y) / h
         bend = np.diff(slope) / (x[2:] - x[:-2])  # second divided differences
         bends = 0.5 * (np.concatenate([bend[:1], bend]) + np.concatenate([bend, bend[-1:]]))
         parts -= bends * h**3 / 6.0
     return np.concatenate([[0.0], np.cumsum(parts)])
-
-
-def _nearest(energy, shape):
-    """Smallest distance between contact points that may touch (m); inf where none do."""
-    gap = energy.pairs(energy.points(shape[0], shape[1][0]), shape[1])[3]
-    return np.sqrt((gap**2).sum(1)).min(initial=np.inf)

@@ -112,21 +112,22 @@ class Energy:
         self.length = given.loop_length / contacts
         self.place, self.place_turns = design(n, u)
 
-    def points(self, control, width):
-        """Contact points (contacts, 3), m."""
+    def shape(self, control, width, height):
+        """A :class:`Shape` at the wale spacing ``width`` and the course spacing ``height`` (m)."""
         points = self.place @ control
         points[:, 0] += self.place_turns * width
-        return points
+        return Shape(
+            control, np.array([width, height]), points, *self._pairs(points, width, height)
+        )
 
-    def pairs(self, points, lattice):
-        """Unordered pairs closer than a diameter: i, k, image (wales, courses), vector k to i."""
+    def _pairs(self, points, width, height):
         d = self.given.diameter
         found = []
         for courses in range(REACH + 1):
             for wales in range(-REACH, REACH + 1):
                 if courses == 0 and wales < 0:
                     continue
-                shift = np.array([wales * lattice[0], courses * lattice[1], 0.0])
+                shift = np.array([wales * width, courses * height, 0.0])
                 i, k = near(points, points + shift, d)
                 if courses == 0:
                     # The same yarn: each pair once, arc neighbours left out.
@@ -138,7 +139,8 @@ class Energy:
                 found.append(
                     (i, k, np.tile((wales, courses), (len(i), 1)), points[i] - points[k] - shift)
                 )
-        return tuple(np.concatenate(column) for column in zip(*found, strict=True))
+        i, k, image, gap = (np.concatenate(column) for column in zip(*found, strict=True))
+        return i, k, image, gap, _size(gap)
 
     def barrier(self, distance):
         """Energy of pairs (J) and the force between them (N), positive when they repel."""
@@ -149,29 +151,31 @@ class Energy:
             2.0 * scale * (1.0 / x - x) * (1.0 / x**2 + 1.0) / self.given.diameter,
         )
 
-    def terms(self, control, lattice):
-        """Stretch, bending and contact energy of a loop (J); lattice: wale and course spacing."""
-        v, a = self._derivatives(control, lattice)
+    def terms(self, shape):
+        """Stretch, bending and contact energy of a loop (J)."""
+        v, a = self._derivatives(shape)
         stretch, _ = law_energy(_size(v) / self.span - 1.0, self.given, self.rounding)
-        bend = 0.5 * self.given.bending_rigidity * _turning(v, a) / self.span**2
-        distance = _size(self.pairs(self.points(control, lattice[0]), lattice)[3])
-        return np.array([self.weight @ stretch, self.weight @ bend, self.barrier(distance)[0].sum()])
+        turning = (np.cross(v, a) ** 2).sum(1) / (v**2).sum(1) ** 2
+        bend = 0.5 * self.given.bending_rigidity * turning / self.span**2
+        contact = self.barrier(shape.distance)[0].sum()
+        return np.array([self.weight @ stretch, self.weight @ bend, contact])
 
-    def _derivatives(self, control, lattice):
-        v, a = self.first @ control, self.second @ control
-        v[:, 0] += self.first_turns * lattice[0]
-        a[:, 0] += self.second_turns * lattice[0]
+    def _derivatives(self, shape):
+        """dr/du and d2r/du2 at the Gauss points."""
+        v, a = self.first @ shape.control, self.second @ shape.control
+        v[:, 0] += self.first_turns * shape.lattice[0]
+        a[:, 0] += self.second_turns * shape.lattice[0]
         return v, a
 
-    def gradient(self, control, lattice):
+    def gradient(self, shape):
         """Derivatives by the control points (n, 3) and by wale and course spacing (2,), N.
 
         The control points stay where they are when a spacing changes; their images move.
         """
-        v, a = self._derivatives(control, lattice)
+        v, a = self._derivatives(shape)
         size = _size(v)
         _, tension = law_energy(size / self.span - 1.0, self.given, self.rounding)
-        # |v x a|^2/|v|^6 |v|^2: derivatives by v and a of |v x a|^2/|v|^4.
+        # Bending is B/2 |v x a|^2/|v|^4 per span^2.
         cross = np.cross(v, a)
         square = (cross**2).sum(1)
         factor = (0.5 * self.given.bending_rigidity / self.span**2) * self.weight
@@ -181,64 +185,76 @@ class Energy:
         by_v *= factor[:, None]
         by_v += (self.weight * tension / (self.span * size))[:, None] * v
         by_a *= factor[:, None]
-        i, k, image, gap = self.pairs(self.points(control, lattice[0]), lattice)
-        distance = _size(gap)
-        pull = -(self.barrier(distance)[1] / distance)[:, None] * gap
-        at = np.zeros((len(self.arc), 3))
-        for axis in range(3):
-            at[:, axis] = np.bincount(i, pull[:, axis], len(at)) - np.bincount(
-                k, pull[:, axis], len(at)
-            )
+        pull = -(self.barrier(shape.distance)[1] / shape.distance)[:, None] * shape.gap
+        at = self._gathered(shape.i, pull) - self._gathered(shape.k, pull)
         by_control = self.first.T @ by_v + self.second.T @ by_a + self.place.T @ at
         by_width = self.first_turns @ by_v[:, 0] + self.second_turns @ by_a[:, 0]
-        by_width += self.place_turns @ at[:, 0]
-        by_width -= image[:, 0] @ pull[:, 0]
-        return by_control, np.array([by_width, -(image[:, 1] @ pull[:, 1])])
+        by_width += self.place_turns @ at[:, 0] - shape.image[:, 0] @ pull[:, 0]
+        return by_control, np.array([by_width, -(shape.image[:, 1] @ pull[:, 1])])
 
-    def coulomb(self, control, lattice):
+    def _gathered(self, number, values):
+        """Sums (contacts, 3) of values (pairs, 3) by contact point."""
+        return np.stack([np.bincount(number, column, len(self.arc)) for column in values.T], axis=1)
+
+    def coulomb(self, shape):
         """Largest that friction can do to each control point (n, 3) and spacing (2,), N.
 
         Every pair rubs with the coefficient times its normal force, all in the same sense: what
         Coulomb's law cannot exceed.
         """
-        i, k, image, gap = self.pairs(self.points(control, lattice[0]), lattice)
-        distance = _size(gap)
-        rub = self.given.friction * self.barrier(distance)[1]
-        most = rub[:, None] * np.sqrt(np.maximum(1.0 - (gap / distance[:, None]) ** 2, 0.0))
-        at = np.zeros((len(self.arc), 3))
-        for axis in range(3):
-            at[:, axis] = np.bincount(i, most[:, axis], len(at)) + np.bincount(
-                k, most[:, axis], len(at)
-            )
-        turns = np.abs(self.place_turns[i] - self.place_turns[k] - image[:, 0])
-        return np.abs(self.place).T @ at, np.array([turns @ most[:, 0], image[:, 1] @ most[:, 1]])
+        rub = self.given.friction * self.barrier(shape.distance)[1]
+        normal = shape.gap / shape.distance[:, None]
+        most = rub[:, None] * np.sqrt(np.maximum(1.0 - normal**2, 0.0))
+        at = self._gathered(shape.i, most) + self._gathered(shape.k, most)
+        turns = self.place_turns[shape.i] - self.place_turns[shape.k] - shape.image[:, 0]
+        return np.abs(self.place).T @ at, np.array(
+            [np.abs(turns) @ most[:, 0], shape.image[:, 1] @ most[:, 1]]
+        )
 
     def rubbed(self, before, after):
-        """Energy lost by friction (J) between two states, each (control, lattice).
+        """Most energy that friction can take (J) between two shapes.
 
         Each pair that touches slips by the change of its vector across its mean normal, against the
-        coefficient times the mean of its two normal forces.
+        coefficient times the mean of its two normal forces.  Pairs that stick take less.
         """
-        points = [self.points(control, lattice[0]) for control, lattice in (before, after)]
-        listed = set()
-        for at, (_, lattice) in zip(points, (before, after), strict=True):
-            i, k, image, _ = self.pairs(at, lattice)
-            listed.update(zip(i, k, image[:, 0], image[:, 1], strict=True))
-        if not listed:
-            return 0.0
-        i, k, wales, courses = np.array(sorted(listed)).T
+        key = [
+            ((s.i * len(self.arc) + s.k) * (2 * REACH + 1) + s.image[:, 0] + REACH) * (REACH + 1)
+            + s.image[:, 1]
+            for s in (before, after)
+        ]
+        _, which = np.unique(np.concatenate(key), return_index=True)
+        i, k, image = (
+            np.concatenate([getattr(before, name), getattr(after, name)])[which]
+            for name in ("i", "k", "image")
+        )
         gaps, forces = [], []
-        for at, (_, lattice) in zip(points, (before, after), strict=True):
-            shift = np.stack([wales * lattice[0], courses * lattice[1], 0.0 * wales], axis=1)
-            gaps.append(at[i] - at[k] - shift)
-            forces.append(
-                self.barrier(np.minimum(_size(gaps[-1]), self.given.diameter))[1]
-            )
+        for s in (before, after):
+            shift = np.concatenate([image * s.lattice, np.zeros((len(image), 1))], axis=1)
+            gaps.append(s.points[i] - s.points[k] - shift)
+            forces.append(self.barrier(np.minimum(_size(gaps[-1]), self.given.diameter))[1])
         normal = gaps[0] + gaps[1]
         normal /= _size(normal)[:, None]
         slip = gaps[1] - gaps[0]
         slip -= (slip * normal).sum(1)[:, None] * normal
         return float(self.given.friction * 0.5 * ((forces[0] + forces[1]) @ _size(slip)))
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """One state of a loop: control points (n, 3), lattice (wale and course spacing), contact points.
+
+    i, k, image (pairs, 2), gap (pairs, 3), distance: unordered pairs of contact points closer than a
+    diameter, i against k moved by image (wales, courses), and the vector between them (m).
+    """
+
+    control: np.ndarray
+    lattice: np.ndarray
+    points: np.ndarray
+    i: np.ndarray
+    k: np.ndarray
+    image: np.ndarray
+    gap: np.ndarray
+    distance: np.ndarray
 
 
 def near(points, others, reach):
@@ -262,8 +278,3 @@ def near(points, others, reach):
 
 def _size(vectors):
     return np.sqrt((vectors**2).sum(-1))
-
-
-def _turning(v, a):
-    """Squared turning of the tangent per unit of the parameter, |v x a|^2/|v|^4."""
-    return (np.cross(v, a) ** 2).sum(1) / (v**2).sum(1) ** 2

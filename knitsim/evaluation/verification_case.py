@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from knitsim.errors import ComputationError
+
 ELEMENTS = (10, 20, 40, 80)
 CONTACT_ELEMENTS = ELEMENTS[1:]  # ten do not follow a cylinder
 LIMIT, CONTACT_LIMIT = 1e-4, 5e-3  # largest error asked for with the most elements
@@ -56,7 +58,7 @@ class Checked:
     """Comparisons of one quantity over the numbers of elements, all (elements,): value, exact, error,
     residual (N), iterations of the solver.
 
-    order: observed order of convergence, see :func:`observed_order`.
+    floor: see :class:`Comparison`; order: see :func:`observed_order`.
     """
 
     case: Case
@@ -66,6 +68,7 @@ class Checked:
     error: np.ndarray
     residual: np.ndarray
     iterations: np.ndarray
+    floor: float
     order: float
 
 
@@ -83,9 +86,14 @@ def observed_order(elements, error, floor):
 def check(case):
     """Run a Case with all its numbers of elements; a list of :class:`Checked`.
 
-    Raises ComputationError if the solver does not reach a state.
+    Raises ComputationError, naming the case, if the solver does not reach a state.
     """
-    solved = [case.run(n) for n in case.elements]
+    solved = []
+    for elements in case.elements:
+        try:
+            solved.append(case.run(elements))
+        except ComputationError as error:
+            raise ComputationError(f"{case.name}, {elements} elements: {error}") from error
     residual = np.array([state.residual for state, _ in solved])
     iterations = np.array([state.iterations for state, _ in solved])
     found = []
@@ -100,6 +108,7 @@ def check(case):
                 error,
                 residual,
                 iterations,
+                rows[0].floor,
                 observed_order(case.elements, error, rows[0].floor),
             )
         )

@@ -82,7 +82,8 @@ def capstan_case(friction, turn):
         ]
 
     name = f"capstan, friction {friction:g}, turn {turn / math.pi:g} pi"
-    return Case(name, CONTACTS, run, _SOFT_NOTE, CONTACT_LIMIT, CONTACT_ELEMENTS)
+    note = f"{_SOFT_NOTE}; exp(mu phi) is for a limp yarn"
+    return Case(name, CONTACTS, run, note, CONTACT_LIMIT, CONTACT_ELEMENTS)
 
 
 def wrapped_case(turn, rigidity, contact):

@@ -3,6 +3,8 @@
 Each function returns a :class:`knitsim.evaluation.verification_case.Case`.
 """
 
+import math
+
 import numpy as np
 from scipy.optimize import brentq
 from scipy.special import j0
@@ -164,8 +166,10 @@ def pulled_case(strain):
         yarn = OpenYarn(LENGTH, RIGIDITY, _KNEE, elements, start=_HINGED, end=end)
         state = solve_open([yarn])
         return state, [
-            Comparison("force (N)", state.reaction(0, "end")[0], force, _KNEE_FLOOR),
-            Comparison("energy/L (N)", state.energy[0] / LENGTH, energy, _KNEE_FLOOR),
+            Comparison("force/force of the knee", state.reaction(0, "end")[0], force, _KNEE_FLOOR),
+            Comparison(
+                "energy/(L force of the knee)", state.energy[0] / LENGTH, energy, _KNEE_FLOOR
+            ),
         ]
 
     return Case(f"straight yarn pulled to {100 * strain:g} %", SHAPES, run, _KNEE_NOTE)
