@@ -14,7 +14,7 @@ from knitsim.equilibrium.friction_kernels import begin_slip, no_slip, rise_at
 from knitsim.equilibrium.model import build_model, centreline, refine, rounded_law, with_set
 from knitsim.equilibrium.newton_kernels import energy_of, expand, new_work, pairs_at
 from knitsim.equilibrium.relax import start_from
-from knitsim.equilibrium.scene import Couples
+from knitsim.equilibrium.scene import COUPLE, records
 from knitsim.equilibrium.yarn_kernels import bend_at, stretch_at
 from knitsim.yarn.law import TensionLaw, bilinear, paper_k3
 
@@ -48,7 +48,7 @@ def friction_slip(model, y):
     lattice = expand(model.scene.map, start, work.x)
     place_points(model.scene.touch, work.x, work.points)
     slip = begin_slip(model.scene, work.points, lattice, pairs, 0.3, 2e-3 * model.fabric.diameter)
-    assert slip.limit.max() > 0.0
+    assert slip.pairs["limit"].max() > 0.0
     return slip
 
 
@@ -176,7 +176,7 @@ def test_translation_and_period_change_nothing():
 def test_rounded_tension_law(law):
     smooth = rounded_law(law)
     kink = law.strain[1]
-    half = smooth.half_width[0]
+    half = smooth.kinks.half_width[0]
     assert 0.0 < half <= 4e-4
     strains = np.concatenate([np.linspace(-0.01, 0.06, 701), kink + half * np.linspace(-1, 1, 41)])
     largest = 0.0
@@ -195,14 +195,14 @@ def test_rounded_tension_law(law):
     slopes = (
         np.diff(law.tension)[np.diff(law.strain) > 0] / np.diff(law.strain)[np.diff(law.strain) > 0]
     )
-    jump = abs(smooth.jump).max()
+    jump = abs(smooth.kinks.jump).max()
     assert largest <= abs(np.diff(slopes)[0]) * half / 4 + jump + 1e-12
 
 
 def test_rounding_never_reaches_a_neighbouring_kink():
     law = TensionLaw([0.0, 1e-4, 3e-4, 0.1], [0.0, 1e-3, 6e-3, 9.0])
     smooth = rounded_law(law)
-    assert smooth.half_width == pytest.approx([0.5e-4, 1e-4])
+    assert smooth.kinks.half_width == pytest.approx([0.5e-4, 1e-4])
     assert stretch_at(0.0, smooth) == pytest.approx((0.0, 0.0, 10.0))
 
 
@@ -261,30 +261,31 @@ def test_pairs_match_a_double_loop():
     touch, points, lattice = model.scene.touch, work.points, y[model.lattice :]
     a1, a2 = np.array([*lattice[:2], 0]), np.array([*lattice[2:], 0])
     expected = set()
-    for g in range(len(touch.same)):
-        shift = touch.steps[g, 0] * a1 + touch.steps[g, 1] * a2
+    for g in range(len(touch.images)):
+        shift = touch.images.steps[g, 0] * a1 + touch.images.steps[g, 1] * a2
         near = np.linalg.norm(points[:, None] - points[None] - shift, axis=2) < reach
         for i, k in zip(*np.nonzero(near), strict=True):
-            gap = abs(touch.arc[i] - touch.arc[k] - touch.arc_shift[g])
-            if touch.same[g] and gap < touch.exclude:
+            gap = abs(touch.points.arc[i] - touch.points.arc[k] - touch.images.arc_shift[g])
+            if touch.images.same[g] and gap < touch.exclude:
                 continue
             # Each unordered pair once: (i, k, g) and (k, i, inverse of g) are the same.
-            expected.add(min((i, k, g), (k, i, touch.inverse[g])))
-    found = {min((i, k, g), (k, i, touch.inverse[g])) for i, k, g in pairs.tolist()}
+            expected.add(min((i, k, g), (k, i, touch.images.inverse[g])))
+    found = {min((i, k, g), (k, i, touch.images.inverse[g])) for i, k, g in pairs.tolist()}
     assert len(found) == len(pairs) > 100
     assert found == expected
-    assert weight == pytest.approx(np.full(len(pairs), touch.length[0] ** 2))
+    assert weight == pytest.approx(np.full(len(pairs), touch.points.length[0] ** 2))
 
 
 def test_couple_is_the_angle_of_the_tangent():
     rng = np.random.default_rng(3)
     x = rng.standard_normal((4, 3))
-    couples = Couples(
-        np.array([0]),
-        spline.basis_first([1.0]),
-        np.array([0.7]),
-        np.array([[0.0, 0.0, 1.0]]),
-        np.array([[1.0, 0.0, 0.0]]),
+    couples = records(
+        COUPLE,
+        1,
+        d1=spline.basis_first([1.0]),
+        moment=0.7,
+        normal=[0.0, 0.0, 1.0],
+        reference=[1.0, 0.0, 0.0],
     )
     v = spline.basis_first([1.0])[0] @ x
     gradient, half = np.zeros(16), np.zeros((16, 16))

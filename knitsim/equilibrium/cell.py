@@ -13,7 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from knitsim.equilibrium import spline
-from knitsim.equilibrium.scene import LATTICE, Map, Rod, Touch
+from knitsim.equilibrium.scene import (
+    IMAGE,
+    LATTICE,
+    MAP_ENTRY,
+    MAP_ROW,
+    ROD,
+    TOUCH_POINT,
+    Map,
+    Touch,
+    records,
+)
 
 REACH = 2  # images this many wales and courses away can touch
 
@@ -151,7 +161,10 @@ def to_map(table, count):
     start = np.concatenate([[0], np.cumsum([len(r) for r in rows])]).astype(np.int64)
     column = np.array([c for r in rows for c in r], dtype=np.int64)
     value = np.array([v for r in rows for v in r.values()], dtype=float)
-    return Map(start, column, value, np.zeros(len(rows)))
+    return Map(
+        records(MAP_ROW, len(rows), start=start[:-1], stop=start[1:]),
+        records(MAP_ENTRY, len(column), column=column, value=value),
+    )
 
 
 def _along(cell, per_span):
@@ -167,16 +180,16 @@ def rod_of(cell, loop_length, bending_rigidity):
     first, place, _ = _along(cell, spline.GAUSS_POINTS)
     span = loop_length / cell.points
     weight = np.tile(spline.GAUSS_WEIGHTS, len(first) // 3) * span * cell.copies
-    return Rod(
-        first,
-        spline.basis(place),
-        spline.basis_first(place),
-        spline.basis_second(place),
-        np.full(len(first), span),
-        weight,
-        np.zeros(len(first)),
-        np.full(len(first), float(bending_rigidity)),
-        0.0,
+    return records(
+        ROD,
+        len(first),
+        first=first,
+        d0=spline.basis(place),
+        d1=spline.basis_first(place),
+        d2=spline.basis_second(place),
+        span=span,
+        weight=weight,
+        stiffness=bending_rigidity,
     )
 
 
@@ -215,21 +228,26 @@ def touch_of(cell, loop_length, exclude):
         np.abs(sign[None] - sign[:, None]).max(-1) < 1e-9
     )
     inverse = np.where(match.any(1), match.argmax(1), -1)
-    return Touch(
-        (span[None] + cell.chain[:, None]).ravel(),
-        np.tile(spline.basis(place), (yarns, 1)),
-        np.full(yarns * per_yarn, loop_length / cell.contacts),
-        np.tile(u * per_u, yarns),
-        np.repeat(np.arange(yarns), per_yarn),
-        sign,
-        steps,
-        np.array(arc_sign),
-        np.array(arc_shift),
-        steps[:, 1] == 0.0,
-        inverse,
-        cell.copies,
-        float(exclude),
+    points = records(
+        TOUCH_POINT,
+        yarns * per_yarn,
+        first=(span[None] + cell.chain[:, None]).ravel(),
+        yarn=np.repeat(np.arange(yarns), per_yarn),
+        basis=np.tile(spline.basis(place), (yarns, 1)),
+        length=loop_length / cell.contacts,
+        arc=np.tile(u * per_u, yarns),
     )
+    images = records(
+        IMAGE,
+        len(sign),
+        sign=sign,
+        steps=steps,
+        arc_sign=arc_sign,
+        arc_shift=arc_shift,
+        same=steps[:, 1] == 0.0,
+        inverse=inverse,
+    )
+    return Touch(points, images, cell.copies, float(exclude))
 
 
 def trace_of(cell, touch):
@@ -237,13 +255,14 @@ def trace_of(cell, touch):
     u = np.arange(2 * cell.spans + 1) / 2.0
     span, place = spline.split(u, cell.spans)
     yarns = len(cell.chain)
-    return touch._replace(
+    points = records(
+        TOUCH_POINT,
+        yarns * len(u),
         first=(span[None] + cell.chain[:, None]).ravel(),
-        basis=np.tile(spline.basis(place), (yarns, 1)),
-        length=np.zeros(yarns * len(u)),
-        arc=np.zeros(yarns * len(u)),
         yarn=np.repeat(np.arange(yarns), len(u)),
+        basis=np.tile(spline.basis(place), (yarns, 1)),
     )
+    return touch._replace(points=points)
 
 
 # Along one loop from the sinker arc, 2 (courses up) + (1 if above): under, over the course below,
@@ -279,12 +298,16 @@ def pack(cell, loop, lattice):
     return y
 
 
+def owners(map_):
+    """For every entry of a map the number of its row."""
+    return np.repeat(np.arange(len(map_.rows)), map_.rows.stop - map_.rows.start)
+
+
 def control_points(cell, y):
     """Control points of all chains at y, (m, 3)."""
-    rows = np.diff(cell.map.start)
-    owner = np.repeat(np.arange(len(rows)), rows)
-    x = np.bincount(owner, cell.map.value * y[cell.map.column], minlength=len(rows))
-    return (x + cell.map.offset)[:-LATTICE].reshape(-1, 3)
+    rows, entries = cell.map
+    x = np.bincount(owners(cell.map), entries.value * y[entries.column], minlength=len(rows))
+    return (x + rows.offset)[:-LATTICE].reshape(-1, 3)
 
 
 def loop_of(cell, y):

@@ -46,14 +46,14 @@ def law_at(square, law):
 @njit
 def place_points(touch, x, points):
     """Fill points (m, 3) with the positions of the contact points."""
-    for i in range(touch.first.size):
-        f = touch.first[i]
+    for i in range(touch.points.size):
+        f, basis = touch.points[i].first, touch.points[i].basis
         for axis in range(3):
             points[i, axis] = (
-                touch.basis[i, 0] * x[f, axis]
-                + touch.basis[i, 1] * x[f + 1, axis]
-                + touch.basis[i, 2] * x[f + 2, axis]
-                + touch.basis[i, 3] * x[f + 3, axis]
+                basis[0] * x[f, axis]
+                + basis[1] * x[f + 1, axis]
+                + basis[2] * x[f + 2, axis]
+                + basis[3] * x[f + 3, axis]
             )
 
 
@@ -94,18 +94,19 @@ def find_pairs(touch, points, lattice, reach):
     whole_low, whole_high = np.empty((1, 3)), np.empty((1, 3))
     boxes_of(points, m, whole_low, whole_high)
     # Local names: a tuple of arrays is slow to pass around in the inner loops.
-    arc, yarn, length, inverse = touch.arc, touch.yarn, touch.length, touch.inverse
+    arc, yarn, length = touch.points.arc, touch.points.yarn, touch.points.length
     copies, exclude, square = touch.copies, touch.exclude, reach * reach
     pairs = np.empty((256, 3), dtype=np.int64)
     weight = np.empty(256)
     count = 0
-    for g in range(touch.same.size):
-        s0, s1, same, other = touch.sign[g, 0], touch.sign[g, 1], touch.same[g], inverse[g]
-        sign = (s0, s1, touch.sign[g, 2])
-        t0 = touch.steps[g, 0] * lattice[0] + touch.steps[g, 1] * lattice[2]
-        t1 = touch.steps[g, 0] * lattice[1] + touch.steps[g, 1] * lattice[3]
+    for g in range(touch.images.size):
+        image = touch.images[g]
+        s0, s1, same, other = image.sign[0], image.sign[1], image.same, image.inverse
+        sign = (s0, s1, image.sign[2])
+        t0 = image.steps[0] * lattice[0] + image.steps[1] * lattice[2]
+        t1 = image.steps[0] * lattice[1] + image.steps[1] * lattice[3]
         shift = (t0, t1, 0.0)
-        arc_sign, arc_shift = touch.arc_sign[g], touch.arc_shift[g]
+        arc_sign, arc_shift = image.arc_sign, image.arc_shift
         if image_is_far(
             sign, shift, whole_low[0], whole_high[0], whole_low[0], whole_high[0], reach
         ):
@@ -131,20 +132,22 @@ def find_pairs(touch, points, lattice, reach):
                             elif g > other >= 0:
                                 continue
                         if count == weight.size:
-                            pairs, weight = _longer(pairs, weight)
+                            pairs, weight = _resized(pairs, weight, 2 * count)
                         pairs[count, 0], pairs[count, 1], pairs[count, 2] = i, k, g
                         weight[count] = factor * length[i] * length[k]
                         count += 1
-    return pairs[:count].copy(), weight[:count].copy()
+    return _resized(pairs, weight, count)
 
 
 @njit
-def _longer(pairs, weight):
-    n = weight.size
-    more = np.empty((2 * n, 3), dtype=np.int64)
-    more[:n] = pairs
-    longer = np.empty(2 * n)
-    longer[:n] = weight
+def _resized(pairs, weight, size):
+    """Copies with room for ``size`` pairs, as many of the old ones in them as there is room for."""
+    more = np.empty((size, 3), dtype=np.int64)
+    longer = np.empty(size)
+    for i in range(min(size, weight.size)):
+        longer[i] = weight[i]
+        for axis in range(3):
+            more[i, axis] = pairs[i, axis]
     return more, longer
 
 
@@ -155,22 +158,23 @@ def add_pair(touch, pair, h, half):
     d = x_i - sign x_k - m1 a1 - m2 a2, so that dd/dx_k = -sign, dd/da1 = -m1, dd/da2 = -m2.
     """
     i, k, g = pair
-    fi, fk = touch.first[i], touch.first[k]
+    fi, fk = touch.points[i].first, touch.points[k].first
     n = half.shape[0] - 4
-    m1, m2 = touch.steps[g, 0], touch.steps[g, 1]
-    s = (touch.sign[g, 0], touch.sign[g, 1], touch.sign[g, 2])
+    sign, steps = touch.images[g].sign, touch.images[g].steps
+    m1, m2 = steps[0], steps[1]
+    s = (sign[0], sign[1], sign[2])
     for r in range(3):
         for q in range(3):
             value = h[r][q]
             mixed, other = value * s[q], s[r] * value
             for a in range(4):
-                ba, ca = touch.basis[i, a], touch.basis[k, a]
+                ba, ca = touch.points[i].basis[a], touch.points[k].basis[a]
                 ri, rk = 3 * (fi + a) + r, 3 * (fk + a) + r
                 own, image, cross = 0.5 * value * ba, 0.5 * other * s[q] * ca, mixed * ba
                 for b in range(4):
-                    half[ri, 3 * (fi + b) + q] += own * touch.basis[i, b]
-                    half[rk, 3 * (fk + b) + q] += image * touch.basis[k, b]
-                    half[ri, 3 * (fk + b) + q] -= cross * touch.basis[k, b]
+                    half[ri, 3 * (fi + b) + q] += own * touch.points[i].basis[b]
+                    half[rk, 3 * (fk + b) + q] += image * touch.points[k].basis[b]
+                    half[ri, 3 * (fk + b) + q] -= cross * touch.points[k].basis[b]
                 if q < 2:
                     half[ri, n + q] -= m1 * value * ba
                     half[ri, n + 2 + q] -= m2 * value * ba
@@ -197,11 +201,12 @@ def isotropic_plus(first, second, d):
 def separation(touch, points, lattice, pair):
     """d, from the image of point k to point i (m)."""
     i, k, g = pair
-    m1, m2 = touch.steps[g, 0], touch.steps[g, 1]
+    sign, steps = touch.images[g].sign, touch.images[g].steps
+    m1, m2 = steps[0], steps[1]
     return (
-        points[i, 0] - touch.sign[g, 0] * points[k, 0] - m1 * lattice[0] - m2 * lattice[2],
-        points[i, 1] - touch.sign[g, 1] * points[k, 1] - m1 * lattice[1] - m2 * lattice[3],
-        points[i, 2] - touch.sign[g, 2] * points[k, 2],
+        points[i, 0] - sign[0] * points[k, 0] - m1 * lattice[0] - m2 * lattice[2],
+        points[i, 1] - sign[1] * points[k, 1] - m1 * lattice[1] - m2 * lattice[3],
+        points[i, 2] - sign[2] * points[k, 2],
     )
 
 
@@ -209,17 +214,18 @@ def separation(touch, points, lattice, pair):
 def scatter_pair(touch, pair, force, gradient):
     """Add an energy gradient by d to the gradient by control points and lattice."""
     i, k, g = pair
-    s = (touch.sign[g, 0], touch.sign[g, 1], touch.sign[g, 2])
-    fi, fk = 3 * touch.first[i], 3 * touch.first[k]
+    sign, steps = touch.images[g].sign, touch.images[g].steps
+    s = (sign[0], sign[1], sign[2])
+    fi, fk = 3 * touch.points[i].first, 3 * touch.points[k].first
     n = gradient.size - 4
     for axis in range(3):
         f, image = force[axis], s[axis] * force[axis]
         for a in range(4):
-            gradient[fi + 3 * a + axis] += touch.basis[i, a] * f
-            gradient[fk + 3 * a + axis] -= touch.basis[k, a] * image
+            gradient[fi + 3 * a + axis] += touch.points[i].basis[a] * f
+            gradient[fk + 3 * a + axis] -= touch.points[k].basis[a] * image
         if axis < 2:
-            gradient[n + axis] -= touch.steps[g, 0] * f
-            gradient[n + 2 + axis] -= touch.steps[g, 1] * f
+            gradient[n + axis] -= steps[0] * f
+            gradient[n + 2 + axis] -= steps[1] * f
 
 
 @njit

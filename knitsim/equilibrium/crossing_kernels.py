@@ -8,6 +8,7 @@ state that shows any crossing more than a plain knit does is refused, though it 
 
 import numpy as np
 
+from knitsim.equilibrium.contact_kernels import boxes_of
 from knitsim.jit import njit
 
 
@@ -21,15 +22,17 @@ def crossings_of(trace, points, lattice, limit):
     code = np.empty(limit, dtype=np.int64)
     place = np.empty(limit)
     count = 0
-    left, right = points[:, 0].min(), points[:, 0].max()
-    bottom, top = points[:, 1].min(), points[:, 1].max()
-    for g in range(trace.same.size):
-        m1, m2 = trace.steps[g, 0], trace.steps[g, 1]
-        s0, s1 = trace.sign[g, 0], trace.sign[g, 1]
+    low, high = np.empty((1, 3)), np.empty((1, 3))
+    boxes_of(points, m, low, high)
+    left, right, bottom, top = low[0, 0], high[0, 0], low[0, 1], high[0, 1]
+    for g in range(trace.images.size):
+        image = trace.images[g]
+        m1, m2 = image.steps[0], image.steps[1]
+        s0, s1 = image.sign[0], image.sign[1]
         t0 = m1 * lattice[0] + m2 * lattice[2]
         t1 = m1 * lattice[1] + m2 * lattice[3]
         for k in range(m - 1):
-            if trace.yarn[k] != trace.yarn[k + 1]:
+            if trace.points[k].yarn != trace.points[k + 1].yarn:
                 continue
             cx, cy = s0 * points[k, 0] + t0, s1 * points[k, 1] + t1
             ex, ey = s0 * points[k + 1, 0] + t0 - cx, s1 * points[k + 1, 1] + t1 - cy
@@ -38,9 +41,9 @@ def crossings_of(trace, points, lattice, limit):
             if low_x > right or high_x < left or low_y > top or high_y < bottom:
                 continue
             for i in range(m - 1):
-                if trace.yarn[i] != trace.yarn[i + 1]:
+                if trace.points[i].yarn != trace.points[i + 1].yarn:
                     continue
-                up = int(m2) + trace.yarn[k] - trace.yarn[i]
+                up = int(m2) + trace.points[k].yarn - trace.points[i].yarn
                 if up == 0:
                     continue
                 ax, ay = points[i, 0], points[i, 1]

@@ -51,11 +51,12 @@ def add_curved_yarn(scene, x, order, gradient, half, terms):
     weights = np.empty((7, 4))
     form, tangent = np.empty(6), np.empty((6, 6))
     jacobian, chained, matrix = np.zeros((6, 7)), np.zeros((6, 7)), np.zeros((7, 7))
-    for p in range(rod.first.size):
-        f = rod.first[p]
-        weights[:3] = rod.d1[p]
-        weights[3:6] = rod.d2[p]
-        weights[6] = rod.d0[p]
+    for point in rod:
+        f = point.first
+        for k in range(4):
+            for i in range(3):
+                weights[i, k], weights[3 + i, k] = point.d1[k], point.d2[k]
+            weights[6, k] = point.d0[k]
         for i in range(7):
             local[i] = 0.0
             for k in range(4):
@@ -64,7 +65,7 @@ def add_curved_yarn(scene, x, order, gradient, half, terms):
         m = 1.0 + kappa * z
         v = (m * u, local[1], z1)
         w = (m * a + 2.0 * kappa * u * z1, local[4], local[5] - kappa * m * u * u)
-        yarn_point(scene, p, v, w, order, form, tangent, terms)
+        yarn_point(point, scene.stretch, v, w, order, form, tangent, terms)
         if order == 0:
             continue
         by_kappa += form[0] * z * u + form[3] * (z * a + 2.0 * u * z1)
@@ -118,10 +119,11 @@ def add_curved_contact(scene, points, lattice, pairs, order, gradient, half):
     slope, bend = np.zeros(4), np.zeros((4, 4))
     for j in range(weight.size):
         i, k, g = listed[j, 0], listed[j, 1], listed[j, 2]
-        m1, m2 = touch.steps[g, 0], touch.steps[g, 1]
-        dx = points[i, bent] - touch.sign[g, bent] * points[k, bent]
+        sign, steps = touch.images[g].sign, touch.images[g].steps
+        m1, m2 = steps[0], steps[1]
+        dx = points[i, bent] - sign[bent] * points[k, bent]
         dx -= m1 * lattice[bent] + m2 * lattice[2 + bent]
-        dy = points[i, other] - touch.sign[g, other] * points[k, other]
+        dy = points[i, other] - sign[other] * points[k, other]
         dy -= m1 * lattice[other] + m2 * lattice[2 + other]
         zi, zk = points[i, 2], points[k, 2]
         mi, mk, dz = 1.0 + kappa * zi, 1.0 + kappa * zk, zi - zk
@@ -139,12 +141,12 @@ def add_curved_contact(scene, points, lattice, pairs, order, gradient, half):
         slope[2], slope[3] = 2.0 * dz + kappa * mk * q, -2.0 * dz + kappa * mi * q
         by_kappa += first * ((zi * mk + zk * mi) * q + mi * mk * qk)
         for a in range(4):
-            ri, rk = 3 * (touch.first[i] + a), 3 * (touch.first[k] + a)
-            bi, bk = touch.basis[i, a], touch.basis[k, a]
+            ri, rk = 3 * (touch.points[i].first + a), 3 * (touch.points[k].first + a)
+            bi, bk = touch.points[i].basis[a], touch.points[k].basis[a]
             row[0, a], factor[0, a] = ri + bent, bi
-            row[0, 4 + a], factor[0, 4 + a] = rk + bent, -touch.sign[g, bent] * bk
+            row[0, 4 + a], factor[0, 4 + a] = rk + bent, -sign[bent] * bk
             row[1, a], factor[1, a] = ri + other, bi
-            row[1, 4 + a], factor[1, 4 + a] = rk + other, -touch.sign[g, other] * bk
+            row[1, 4 + a], factor[1, 4 + a] = rk + other, -sign[other] * bk
             row[2, a], factor[2, a] = ri + 2, bi
             row[3, a], factor[3, a] = rk + 2, bk
         row[0, 8], row[0, 9], factor[0, 8], factor[0, 9] = n + bent, n + 2 + bent, -m1, -m2

@@ -12,7 +12,7 @@ from knitsim.jit import njit
 @njit
 def from_axis(cylinders, c, points, i):
     """Vector from the axis of cylinder c straight to point i (m)."""
-    p, t = cylinders.point[c], cylinders.axis[c]
+    p, t = cylinders[c].point, cylinders[c].axis
     a, b, e = points[i, 0] - p[0], points[i, 1] - p[1], points[i, 2] - p[2]
     along = a * t[0] + b * t[1] + e * t[2]
     return (a - along * t[0], b - along * t[1], e - along * t[2])
@@ -21,22 +21,22 @@ def from_axis(cylinders, c, points, i):
 @njit
 def scatter_point(touch, i, force, gradient):
     """Add an energy gradient by the place of contact point i to the gradient by control points."""
-    f = 3 * touch.first[i]
+    f = 3 * touch.points[i].first
     for axis in range(3):
         for a in range(4):
-            gradient[f + 3 * a + axis] += touch.basis[i, a] * force[axis]
+            gradient[f + 3 * a + axis] += touch.points[i].basis[a] * force[axis]
 
 
 @njit
 def add_point(touch, i, h, half):
     """Add a Hessian by the place of contact point i, a symmetric 3 x 3 tuple, to ``half``."""
-    f = 3 * touch.first[i]
+    f = 3 * touch.points[i].first
     for r in range(3):
         for q in range(3):
             for a in range(4):
-                value = 0.5 * h[r][q] * touch.basis[i, a]
+                value = 0.5 * h[r][q] * touch.points[i].basis[a]
                 for b in range(4):
-                    half[f + 3 * a + r, f + 3 * b + q] += value * touch.basis[i, b]
+                    half[f + 3 * a + r, f + 3 * b + q] += value * touch.points[i].basis[b]
 
 
 @njit
@@ -44,22 +44,22 @@ def add_cylinders(scene, points, order, gradient, half):
     """Contact energy of the yarn on the cylinders (J); order as in ``add_contact``."""
     energy = 0.0
     touch = scene.touch
-    for c in range(scene.cylinders.law.shape[0]):
-        t = scene.cylinders.axis[c]
+    for c in range(scene.cylinders.size):
+        t = scene.cylinders[c].axis
         for i in range(points.shape[0]):
             d = from_axis(scene.cylinders, c, points, i)
             square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-            v, v1, v2 = law_at(square, scene.cylinders.law[c])
+            v, v1, v2 = law_at(square, scene.cylinders[c].law)
             if v == 0.0:
                 continue
-            energy += touch.length[i] * v
+            energy += touch.points[i].length * v
             if order == 0:
                 continue
-            f = 2.0 * touch.length[i] * v1
+            f = 2.0 * touch.points[i].length * v1
             scatter_point(touch, i, (f * d[0], f * d[1], f * d[2]), gradient)
             if order == 2:
                 # The distance does not change along the axis: f (I - t t^T) + ... d d^T.
-                s = 4.0 * touch.length[i] * v2
+                s = 4.0 * touch.points[i].length * v2
                 m = isotropic_plus(f, s, d)
                 k = isotropic_plus(0.0, f, t)
                 h = (
@@ -75,9 +75,9 @@ def add_cylinders(scene, points, order, gradient, half):
 def add_couples(couples, x, order, gradient, half):
     """Energy - M theta of the couples (J), theta the angle of the tangent about the couple's axis."""
     energy = 0.0
-    for c in range(couples.moment.size):
-        f, moment = couples.first[c], couples.moment[c]
-        n, e = couples.normal[c], couples.reference[c]
+    for c in range(couples.size):
+        f, moment = couples[c].first, couples[c].moment
+        n, e = couples[c].normal, couples[c].reference
         g = (
             n[1] * e[2] - n[2] * e[1],
             n[2] * e[0] - n[0] * e[2],
@@ -86,7 +86,7 @@ def add_couples(couples, x, order, gradient, half):
         a = b = 0.0
         for k in range(4):
             for axis in range(3):
-                v = couples.d1[c, k] * x[f + k, axis]
+                v = couples[c].d1[k] * x[f + k, axis]
                 a += v * e[axis]
                 b += v * g[axis]
         energy -= moment * math.atan2(b, a)
@@ -96,7 +96,7 @@ def add_couples(couples, x, order, gradient, half):
             turn = -moment * (a * g[r] - b * e[r]) / square
             for k in range(4):
                 if order >= 1:
-                    gradient[3 * (f + k) + r] += couples.d1[c, k] * turn
+                    gradient[3 * (f + k) + r] += couples[c].d1[k] * turn
             if order < 2:
                 continue
             for q in range(3):
@@ -108,6 +108,6 @@ def add_couples(couples, x, order, gradient, half):
                 for k in range(4):
                     for m in range(4):
                         half[3 * (f + k) + r, 3 * (f + m) + q] += (
-                            h * couples.d1[c, k] * couples.d1[c, m]
+                            h * couples[c].d1[k] * couples[c].d1[m]
                         )
     return energy

@@ -22,94 +22,88 @@ from knitsim.equilibrium.contact_kernels import (
 from knitsim.equilibrium.cylinder_kernels import add_point, from_axis, scatter_point
 from knitsim.jit import njit
 
+# One place that rubs over a load step.  i, k, g: the pair; start: d at the start (m); normal: lagged
+# unit normal; limit: weight mu N of the lag (N); before: the same at the start of the step.
+RUB = np.dtype(
+    [
+        ("pair", "i8", 3),
+        ("start", "f8", 3),
+        ("normal", "f8", 3),
+        ("limit", "f8"),
+        ("before", "f8"),
+    ],
+    align=True,
+)
+
 
 class Slip(NamedTuple):
-    """Friction pairs of one load step.
+    """Friction of one load step.
 
-    pairs (n, 3); start (n, 3): d at the start (m); normal (n, 3): lagged unit normal; limit (n,):
-    weight mu N of the lag (N); before (n,): the same at the start of the step; rounding (m).
-    wrap_...: the same for every contact point on every rigid cylinder, (cylinders, points, ...).
+    pairs (n,): a RUB for each listed pair; wraps (cylinders, points): one for every contact point on
+    every rigid cylinder, its pair unused; rounding (m).
     """
 
     pairs: np.ndarray
-    start: np.ndarray
-    normal: np.ndarray
-    limit: np.ndarray
-    before: np.ndarray
+    wraps: np.ndarray
     rounding: float
-    wrap_start: np.ndarray
-    wrap_normal: np.ndarray
-    wrap_limit: np.ndarray
-    wrap_before: np.ndarray
 
 
 @njit
 def no_slip():
     """Friction of a scene that has none."""
-    return Slip(
-        np.empty((0, 3), dtype=np.int64),
-        np.empty((0, 3)),
-        np.empty((0, 3)),
-        np.empty(0),
-        np.empty(0),
-        1.0,
-        np.empty((0, 0, 3)),
-        np.empty((0, 0, 3)),
-        np.empty((0, 0)),
-        np.empty((0, 0)),
-    )
+    return Slip(np.empty(0, dtype=RUB), np.empty((0, 0), dtype=RUB), 1.0)
 
 
 @njit
 def lag_at(scene, points, lattice, weight, friction, slip):
-    """Fill slip.normal and slip.limit from the contact forces at the given points."""
+    """Fill normal and limit of the slip from the contact forces at the given points."""
+    pairs, normal, limit = slip.pairs["pair"], slip.pairs["normal"], slip.pairs["limit"]
     for j in range(weight.size):
-        pair = (slip.pairs[j, 0], slip.pairs[j, 1], slip.pairs[j, 2])
+        pair = (pairs[j, 0], pairs[j, 1], pairs[j, 2])
         d = separation(scene.touch, points, lattice, pair)
         square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
         distance = math.sqrt(square)
         _, v1, _ = law_at(square, scene.law)
         for axis in range(3):
-            slip.normal[j, axis] = d[axis] / distance
-        slip.limit[j] = -2.0 * distance * v1 * weight[j] * friction
-    for c in range(slip.wrap_limit.shape[0]):
+            normal[j, axis] = d[axis] / distance
+        limit[j] = -2.0 * distance * v1 * weight[j] * friction
+    wrap_normal, wrap_limit = slip.wraps["normal"], slip.wraps["limit"]
+    for c in range(wrap_limit.shape[0]):
         for i in range(points.shape[0]):
             d = from_axis(scene.cylinders, c, points, i)
             square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
             distance = math.sqrt(square)
-            _, v1, _ = law_at(square, scene.cylinders.law[c])
+            _, v1, _ = law_at(square, scene.cylinders[c].law)
             for axis in range(3):
-                slip.wrap_normal[c, i, axis] = d[axis] / distance
-            slip.wrap_limit[c, i] = -2.0 * distance * v1 * scene.touch.length[i] * friction
+                wrap_normal[c, i, axis] = d[axis] / distance
+            wrap_limit[c, i] = -2.0 * distance * v1 * scene.touch.points[i].length * friction
 
 
 @njit
 def begin_slip(scene, points, lattice, pairs, friction, rounding):
     """Friction pairs for a load step that starts at the given points."""
-    n, c, m = pairs[1].size, scene.cylinders.law.shape[0], points.shape[0]
+    listed, weight = pairs
     slip = Slip(
-        pairs[0],
-        np.empty((n, 3)),
-        np.empty((n, 3)),
-        np.empty(n),
-        np.empty(n),
+        np.empty(weight.size, dtype=RUB),
+        np.empty((scene.cylinders.size, points.shape[0]), dtype=RUB),
         rounding,
-        np.empty((c, m, 3)),
-        np.empty((c, m, 3)),
-        np.empty((c, m)),
-        np.empty((c, m)),
     )
-    for i in range(c):
-        slip.wrap_start[i] = points
-    for j in range(n):
-        d = separation(
-            scene.touch, points, lattice, (pairs[0][j, 0], pairs[0][j, 1], pairs[0][j, 2])
-        )
+    for j in range(weight.size):
+        pair = (listed[j, 0], listed[j, 1], listed[j, 2])
+        d = separation(scene.touch, points, lattice, pair)
         for axis in range(3):
-            slip.start[j, axis] = d[axis]
-    lag_at(scene, points, lattice, pairs[1], friction, slip)
-    slip.before[:] = slip.limit
-    slip.wrap_before[:] = slip.wrap_limit
+            slip.pairs["pair"][j, axis] = listed[j, axis]
+            slip.pairs["start"][j, axis] = d[axis]
+    for c in range(scene.cylinders.size):
+        for i in range(points.shape[0]):
+            for axis in range(3):
+                slip.wraps["start"][c, i, axis] = points[i, axis]
+    lag_at(scene, points, lattice, weight, friction, slip)
+    for j in range(weight.size):
+        slip.pairs["before"][j] = slip.pairs["limit"][j]
+    for c in range(scene.cylinders.size):
+        for i in range(points.shape[0]):
+            slip.wraps["before"][c, i] = slip.wraps["limit"][c, i]
     return slip
 
 
@@ -157,13 +151,15 @@ def slip_matrix(f, bend, n, u):
 def add_friction(scene, points, lattice, slip, order, gradient, half):
     """Potential of the friction forces (J); order as in ``add_contact``."""
     touch = scene.touch
+    pairs, limits = slip.pairs["pair"], slip.pairs["limit"]
+    starts, normals = slip.pairs["start"], slip.pairs["normal"]
     energy = 0.0
-    for j in range(slip.limit.size):
-        limit = slip.limit[j]
+    for j in range(slip.pairs.size):
+        limit = limits[j]
         if limit == 0.0:
             continue
-        pair = (slip.pairs[j, 0], slip.pairs[j, 1], slip.pairs[j, 2])
-        u, size = across(separation(touch, points, lattice, pair), slip.start[j], slip.normal[j])
+        pair = (pairs[j, 0], pairs[j, 1], pairs[j, 2])
+        u, size = across(separation(touch, points, lattice, pair), starts[j], normals[j])
         f0, over, f2 = rise_at(size, slip.rounding)
         energy += limit * f0
         if order == 0:
@@ -172,13 +168,15 @@ def add_friction(scene, points, lattice, slip, order, gradient, half):
         scatter_pair(touch, pair, (f * u[0], f * u[1], f * u[2]), gradient)
         if order == 2:
             bend = limit * (f2 - over) / (size * size) if size > 0.0 else 0.0
-            add_pair(touch, pair, slip_matrix(f, bend, slip.normal[j], u), half)
-    for c in range(slip.wrap_limit.shape[0]):
+            add_pair(touch, pair, slip_matrix(f, bend, normals[j], u), half)
+    limits, starts, normals = slip.wraps["limit"], slip.wraps["start"], slip.wraps["normal"]
+    for c in range(slip.wraps.shape[0]):
         for i in range(points.shape[0]):
-            limit = slip.wrap_limit[c, i]
+            limit = limits[c, i]
             if limit == 0.0:
                 continue
-            u, size = across(points[i], slip.wrap_start[c, i], slip.wrap_normal[c, i])
+            place = (points[i, 0], points[i, 1], points[i, 2])
+            u, size = across(place, starts[c, i], normals[c, i])
             f0, over, f2 = rise_at(size, slip.rounding)
             energy += limit * f0
             if order == 0:
@@ -187,23 +185,27 @@ def add_friction(scene, points, lattice, slip, order, gradient, half):
             scatter_point(touch, i, (f * u[0], f * u[1], f * u[2]), gradient)
             if order == 2:
                 bend = limit * (f2 - over) / (size * size) if size > 0.0 else 0.0
-                add_point(touch, i, slip_matrix(f, bend, slip.wrap_normal[c, i], u), half)
+                add_point(touch, i, slip_matrix(f, bend, normals[c, i], u), half)
     return energy
 
 
 @njit
 def loss_of(scene, points, lattice, slip):
     """Energy lost in the step (J): friction force times slip, the force the mean over the step."""
+    pairs, starts, normals = slip.pairs["pair"], slip.pairs["start"], slip.pairs["normal"]
     lost = 0.0
-    for j in range(slip.limit.size):
-        pair = (slip.pairs[j, 0], slip.pairs[j, 1], slip.pairs[j, 2])
-        d = separation(scene.touch, points, lattice, pair)
-        _, size = across(d, slip.start[j], slip.normal[j])
+    for j in range(slip.pairs.size):
+        d = separation(scene.touch, points, lattice, (pairs[j, 0], pairs[j, 1], pairs[j, 2]))
+        _, size = across(d, starts[j], normals[j])
         _, over, _ = rise_at(size, slip.rounding)
-        lost += 0.5 * (slip.limit[j] + slip.before[j]) * over * size * size
-    for c in range(slip.wrap_limit.shape[0]):
+        mean = 0.5 * (slip.pairs[j]["limit"] + slip.pairs[j]["before"])
+        lost += mean * over * size * size
+    starts, normals = slip.wraps["start"], slip.wraps["normal"]
+    for c in range(slip.wraps.shape[0]):
         for i in range(points.shape[0]):
-            _, size = across(points[i], slip.wrap_start[c, i], slip.wrap_normal[c, i])
+            place = (points[i, 0], points[i, 1], points[i, 2])
+            _, size = across(place, starts[c, i], normals[c, i])
             _, over, _ = rise_at(size, slip.rounding)
-            lost += 0.5 * (slip.wrap_limit[c, i] + slip.wrap_before[c, i]) * over * size * size
+            mean = 0.5 * (slip.wraps[c, i]["limit"] + slip.wraps[c, i]["before"])
+            lost += mean * over * size * size
     return lost

@@ -8,7 +8,17 @@ from knitsim.equilibrium import cell as cells
 from knitsim.equilibrium import spline
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.newton_kernels import Control
-from knitsim.equilibrium.scene import LATTICE, Bend, Scene, Stretch, Touch, no_couples, no_cylinders
+from knitsim.equilibrium.scene import (
+    COUPLE,
+    CYLINDER,
+    KINK,
+    LATTICE,
+    Bend,
+    Scene,
+    Stretch,
+    Touch,
+    records,
+)
 
 NEIGHBOURS = 1.6  # diameters of arc below which two places of one yarn do not touch
 TOLERANCE = 1e-6  # of B/d^2
@@ -73,7 +83,10 @@ def rounded_law(law):
         jump[i] = at[-1] - at[0]
     gaps = np.diff(np.concatenate([[0.0], kinks, [np.inf]]))
     half = np.minimum(ROUNDED_STRAIN, 0.5 * np.minimum(gaps[:-1], gaps[1:]))
-    return Stretch(float(slope[0]), kinks, np.diff(slope), jump, half)
+    rounded = records(
+        KINK, len(kinks), strain=kinks, slope=np.diff(slope), jump=jump, half_width=half
+    )
+    return Stretch(float(slope[0]), rounded)
 
 
 def build_model(fabric, resolution=None):
@@ -93,8 +106,8 @@ def build_model(fabric, resolution=None):
         cells.rod_of(cell, fabric.loop_length, fabric.bending_rigidity),
         rounded_law(fabric.law),
         touch,
-        no_cylinders(),
-        no_couples(),
+        records(CYLINDER, 0),
+        records(COUPLE, 0),
         Bend(0.0, 0, False),
         fabric.contact.law(fabric.diameter),
         np.zeros(unknowns),
@@ -129,7 +142,8 @@ def with_set(model, y):
     a = np.einsum("ma,mak->mk", rod.d2, at)
     curvature = np.linalg.norm(np.cross(v, a), axis=1) / ((v**2).sum(1) * rod.span)
     rounding = SET_ROUNDING * 2.0 * np.pi / model.fabric.loop_length
-    rod = rod._replace(rest=model.fabric.set_fraction * curvature, rounding=rounding)
+    rod = rod.copy()
+    rod.rest, rod.rounding = model.fabric.set_fraction * curvature, rounding
     return _replaced(model, scene._replace(rod=rod))
 
 

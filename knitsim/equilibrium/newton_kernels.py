@@ -64,11 +64,11 @@ class Work(NamedTuple):
 
 @njit
 def new_work(scene):
-    rows = scene.map.start.size - 1
+    rows = scene.map.rows.size
     n = scene.load.size
     return Work(
         np.zeros(((rows - 4) // 3, 3)),
-        np.zeros((scene.touch.first.size, 3)),
+        np.zeros((scene.touch.points.size, 3)),
         np.zeros((rows, rows)),
         np.zeros(rows),
         np.zeros(n),
@@ -83,12 +83,12 @@ def new_work(scene):
 @njit
 def expand(map_, y, x):
     """Control points x (n, 3) of the unknowns y; returns the lattice L."""
-    rows = map_.start.size - 1
+    rows = map_.rows.size
     lattice = np.empty(4)
     for r in range(rows):
-        value = map_.offset[r]
-        for e in range(map_.start[r], map_.start[r + 1]):
-            value += map_.value[e] * y[map_.column[e]]
+        value = map_.rows[r].offset
+        for e in range(map_.rows[r].start, map_.rows[r].stop):
+            value += map_.entries[e].value * y[map_.entries[e].column]
         if r < rows - 4:
             x[r // 3, r % 3] = value
         else:
@@ -102,8 +102,8 @@ def reduce_gradient(map_, expanded, gradient):
     gradient[:] = 0.0
     for r in range(expanded.size):
         g = expanded[r]
-        for e in range(map_.start[r], map_.start[r + 1]):
-            gradient[map_.column[e]] += map_.value[e] * g
+        for e in range(map_.rows[r].start, map_.rows[r].stop):
+            gradient[map_.entries[e].column] += map_.entries[e].value * g
 
 
 @njit
@@ -116,11 +116,11 @@ def reduce_hessian(map_, half, hessian):
             h = half[r, c]
             if h == 0.0:
                 continue
-            for e in range(map_.start[r], map_.start[r + 1]):
-                hr = h * map_.value[e]
-                i = map_.column[e]
-                for f in range(map_.start[c], map_.start[c + 1]):
-                    hessian[i, map_.column[f]] += hr * map_.value[f]
+            for e in range(map_.rows[r].start, map_.rows[r].stop):
+                hr = h * map_.entries[e].value
+                i = map_.entries[e].column
+                for f in range(map_.rows[c].start, map_.rows[c].stop):
+                    hessian[i, map_.entries[f].column] += hr * map_.entries[f].value
     n = hessian.shape[0]
     for i in range(n):
         hessian[i, i] *= 2.0
@@ -151,7 +151,7 @@ def energy_of(scene, y, pairs, slip, order, work):
     energy = work.terms[0] + work.terms[1]
     energy += add_couples(scene.couples, work.x, order, work.expanded, work.half)
     work.closest[0] = math.inf
-    if pairs[1].size or slip.limit.size or scene.cylinders.law.size:
+    if pairs[1].size or slip.pairs.size or scene.cylinders.size:
         place_points(scene.touch, work.x, work.points)
         if scene.bend.active:
             contact, closest, more = add_curved_contact(
@@ -186,9 +186,12 @@ def pairs_at(scene, y, skin, work):
     lattice = expand(scene.map, y, work.x)
     place_points(scene.touch, work.x, work.points)
     reach = scene.law[2] + skin
-    if scene.bend.active and work.points.size:
+    if scene.bend.active:
         # Flat coordinates are longer than the true distance where 1 + kappa z is below 1.
-        reach /= max(1.0 - abs(scene.bend.curvature) * np.abs(work.points[:, 2]).max(), 0.2)
+        thick = 0.0
+        for i in range(work.points.shape[0]):
+            thick = max(thick, abs(work.points[i, 2]))
+        reach /= max(1.0 - abs(scene.bend.curvature) * thick, 0.2)
     return find_pairs(scene.touch, work.points, lattice, reach)
 
 
@@ -263,12 +266,26 @@ def factorise_shifted(hessian, free, factor):
 def largest_move(map_, change):
     """Largest change of a control point's component or of L, for a change of y."""
     largest = 0.0
-    for r in range(map_.start.size - 1):
+    for r in range(map_.rows.size):
         value = 0.0
-        for e in range(map_.start[r], map_.start[r + 1]):
-            value += map_.value[e] * change[map_.column[e]]
+        for e in range(map_.rows[r].start, map_.rows[r].stop):
+            value += map_.entries[e].value * change[map_.entries[e].column]
         largest = max(largest, abs(value))
     return largest
+
+
+# Loops instead of array expressions, which Numba takes long to compile.
+@njit
+def copy_to(source, target):
+    for i in range(source.size):
+        target[i] = source[i]
+
+
+@njit
+def move(y, length, step, point):
+    """point = y + length step."""
+    for i in range(y.size):
+        point[i] = y[i] + length * step[i]
 
 
 @njit
@@ -311,7 +328,7 @@ def minimise(scene, y, free, slip, control, work):
             elif halvings < HALVINGS:
                 halvings += 1
                 length *= 0.5
-                point[:] = y + length * step
+                move(y, length, step, point)
                 reached = moved + length * size
                 continue
             elif on_trust == 0:
@@ -322,14 +339,14 @@ def minimise(scene, y, free, slip, control, work):
             return NOT_FINITE, iteration, after
         if restore and after > control.tolerance:
             # Trust has led nowhere: back, and no trust until the energy has fallen below.
-            point[:] = kept
+            copy_to(kept, point)
             moved, on_trust, trust = 0.0, 0, 0
             searching, relist = False, True
             continue
-        y[:] = point
+        copy_to(point, y)
         energy, residual = new, after
         if energy < kept_energy:
-            kept[:] = y
+            copy_to(y, kept)
             kept_energy = energy
             on_trust = 0
             trust = control.trust if searching else trust
@@ -350,19 +367,12 @@ def minimise(scene, y, free, slip, control, work):
             slope += rhs[i] * work.gradient[free[i]]
         size = largest_move(scene.map, step)
         length = 1.0 if size <= control.cap else control.cap / size
-        point[:] = y + length * step
+        move(y, length, step, point)
         searching, halvings = True, 0
         # Pairs are listed around the point where ``moved`` was last zero.
         reached = moved + length * size
         if reached > 0.5 * control.skin:
             relist, moved, reached = True, length * size, 0.0
-
-
-@njit
-def prepare_tangent(scene, y, free, slip, control, work):
-    """Hessian and its factor at y, for ``tangent``; False where the Hessian is not finite."""
-    energy_of(scene, y, pairs_at(scene, y, control.skin, work), slip, np.int64(2), work)
-    return math.isfinite(factorise_shifted(work.hessian, free, work.factor))
 
 
 @njit

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from knitsim.equilibrium import spline
-from knitsim.equilibrium.cell import to_map
+from knitsim.equilibrium.cell import owners, to_map
 from knitsim.equilibrium.contact_kernels import law_at, place_points
 from knitsim.equilibrium.friction_kernels import begin_slip, lag_at, loss_of, no_slip
 from knitsim.equilibrium.model import NEIGHBOURS, rounded_law
@@ -31,15 +31,16 @@ from knitsim.equilibrium.newton_kernels import (
 )
 from knitsim.equilibrium.relax import REASONS
 from knitsim.equilibrium.scene import (
+    COUPLE,
+    CYLINDER,
+    IMAGE,
     LATTICE,
+    ROD,
+    TOUCH_POINT,
     Bend,
-    Couples,
-    Cylinders,
-    Map,
-    Rod,
     Scene,
     Touch,
-    no_couples,
+    records,
 )
 from knitsim.errors import ComputationError, InputError
 from knitsim.yarn.law import TensionLaw
@@ -199,26 +200,26 @@ class OpenState:
     def contact_force(self, yarn, other):
         """Force (3,) of the contact with another yarn on this one (N)."""
         touch = self.scene.touch
-        points = np.zeros((touch.first.size, 3))
+        points = np.zeros((touch.points.size, 3))
         place_points(touch, self.x, points)
         total = np.zeros(3)
-        mine, theirs = (np.flatnonzero(touch.yarn == k) for k in (yarn, other))
+        mine, theirs = (np.flatnonzero(touch.points.yarn == k) for k in (yarn, other))
         for i in mine:
             for k in theirs:
                 d = points[i] - points[k]
                 _, slope, _ = law_at(float(d @ d), self.scene.law)
-                total -= 2.0 * slope * d * touch.length[i] * touch.length[k]
+                total -= 2.0 * slope * d * touch.points.length[i] * touch.points.length[k]
         return total
 
     def cylinder_force(self, cylinder=0):
         """Normal force per contact point of a cylinder on the yarns, (points, 3), N."""
         touch, rigid = self.scene.touch, self.scene.cylinders
-        points = np.zeros((touch.first.size, 3))
+        points = np.zeros((touch.points.size, 3))
         place_points(touch, self.x, points)
         d = points - rigid.point[cylinder]
         d -= np.outer(d @ rigid.axis[cylinder], rigid.axis[cylinder])
         slope = [law_at(float(s), rigid.law[cylinder])[1] for s in (d**2).sum(1)]
-        return -2.0 * np.array(slope)[:, None] * d * touch.length[:, None]
+        return -2.0 * np.array(slope)[:, None] * d * touch.points.length[:, None]
 
     def _own(self, yarn):
         first = self.chain[yarn]
@@ -227,10 +228,11 @@ class OpenState:
     def _derivatives(self, yarn):
         rod, first = self.scene.rod, self.chain[yarn]
         own = (rod.first >= first) & (rod.first < first + self.yarns[yarn].elements)
-        at = self.x[rod.first[own][:, None] + np.arange(4)]
-        v = np.einsum("ma,mak->mk", rod.d1[own], at)
-        a = np.einsum("ma,mak->mk", rod.d2[own], at)
-        return v, a, Rod(*(p[own] for p in rod[:-1]), rod.rounding)
+        rod = rod[own]
+        at = self.x[rod.first[:, None] + np.arange(4)]
+        v = np.einsum("ma,mak->mk", rod.d1, at)
+        a = np.einsum("ma,mak->mk", rod.d2, at)
+        return v, a, rod
 
 
 def solve_open(
@@ -293,9 +295,7 @@ def solve_open(
         expand(scene.map, y, work.x)
         scene = scene._replace(
             load=part * loads,
-            couples=couples._replace(
-                moment=part * couples.moment, reference=_tangents(couples, work.x)
-            ),
+            couples=_turned(couples, part, work.x),
         )
         start = y.copy()
         y[own:] = (begin + part * (target - begin))[own:]
@@ -339,19 +339,23 @@ def solve_open(
 def _out_of_plane(scene, own):
     """Unknowns below ``own`` that only move points along the thickness."""
     map_ = scene.map
-    row = np.repeat(np.arange(len(map_.offset) - LATTICE), np.diff(map_.start)[:-LATTICE])
-    column, value = map_.column[: len(row)], map_.value[: len(row)]
-    moves = value != 0.0
+    row = owners(map_)
+    column = map_.entries.column
+    moves = (map_.entries.value != 0.0) & (row < len(map_.rows) - LATTICE)
     along = np.zeros(own, dtype=bool)
     along[[c for c in column[moves & (row % 3 == 2)] if c < own]] = True
     along[[c for c in column[moves & (row % 3 != 2)] if c < own]] = False
     return np.flatnonzero(along)
 
 
-def _tangents(couples, x):
+def _turned(couples, part, x):
+    """``part`` of the couples, their angles counted from the tangents at the control points x."""
     v = np.einsum("ma,mak->mk", couples.d1, x[couples.first[:, None] + np.arange(4)])
     v -= (v * couples.normal).sum(1)[:, None] * couples.normal
-    return v / np.linalg.norm(v, axis=1)[:, None] if len(v) else v
+    turned = couples.copy()
+    turned.moment = part * couples.moment
+    turned.reference = v / np.linalg.norm(v, axis=1)[:, None]
+    return turned
 
 
 def _assemble(yarns, cylinders, contact, diameter, rounding):
@@ -405,7 +409,7 @@ def _assemble(yarns, cylinders, contact, diameter, rounding):
     y = np.array([*start, 0.0, 0.0, 0.0, 0.0])
     law = np.zeros(6) if contact is None else contact.law(diameter)
     scene = Scene(
-        Map(*map_),
+        map_,
         _rod(yarns, chain, rounding),
         rounded_law(yarns[0].law),
         _touch(yarns, chain, diameter, contact is not None or bool(cylinders)),
@@ -438,76 +442,75 @@ def _rod(yarns, chain, rounding):
         if yarn.rest_curvature is not None:
             rest = np.asarray(yarn.rest_curvature((at + place) / n), dtype=float)
         parts.append(
-            (
-                at + first,
-                spline.basis(place),
-                spline.basis_first(place),
-                spline.basis_second(place),
-                np.full(3 * n, span),
-                np.tile(spline.GAUSS_WEIGHTS, n) * span,
-                rest,
-                np.full(3 * n, float(yarn.bending_rigidity)),
+            records(
+                ROD,
+                3 * n,
+                first=at + first,
+                d0=spline.basis(place),
+                d1=spline.basis_first(place),
+                d2=spline.basis_second(place),
+                span=span,
+                weight=np.tile(spline.GAUSS_WEIGHTS, n) * span,
+                rest=rest,
+                stiffness=yarn.bending_rigidity,
+                rounding=rounding / min(yarn.length for yarn in yarns),
             )
         )
-    joined = [np.concatenate(p) for p in zip(*parts, strict=True)]
-    return Rod(*joined, rounding / min(yarn.length for yarn in yarns))
+    return np.concatenate(parts).view(np.recarray)
 
 
 def _touch(yarns, chain, diameter, wanted):
-    first, basis, length, arc, number = [], [], [], [], []
+    parts = []
     for k, (yarn, begin) in enumerate(zip(yarns, chain, strict=True)):
         m = yarn.contacts if wanted else 0
         place = np.tile((np.arange(m) + 0.5) / max(m, 1), yarn.elements)
         at = np.repeat(np.arange(yarn.elements), m)
         step = yarn.length / yarn.elements
-        first.append(at + begin)
-        basis.append(spline.basis(place))
-        length.append(np.full(len(at), step / max(m, 1)))
-        arc.append((at + place) * step)
-        number.append(np.full(len(at), k))
-    return Touch(
-        np.concatenate(first),
-        np.concatenate(basis),
-        np.concatenate(length),
-        np.concatenate(arc),
-        np.concatenate(number),
-        np.ones((1, 3)),
-        np.zeros((1, 2)),
-        np.ones(1),
-        np.zeros(1),
-        np.ones(1, dtype=bool),
-        np.zeros(1, dtype=np.int64),
-        1.0,
-        NEIGHBOURS * diameter,
-    )
+        parts.append(
+            records(
+                TOUCH_POINT,
+                len(at),
+                first=at + begin,
+                yarn=k,
+                basis=spline.basis(place),
+                length=step / max(m, 1),
+                arc=(at + place) * step,
+            )
+        )
+    images = records(IMAGE, 1, sign=1.0, arc_sign=1.0, same=True)
+    points = np.concatenate(parts).view(np.recarray)
+    return Touch(points, images, 1.0, NEIGHBOURS * diameter)
 
 
 def _cylinders(cylinders):
     axis = np.array([c.axis for c in cylinders], dtype=float).reshape(-1, 3)
-    return Cylinders(
-        np.array([c.point for c in cylinders], dtype=float).reshape(-1, 3),
-        axis / np.linalg.norm(axis, axis=1)[:, None] if len(axis) else axis,
-        np.array([[0.0, c.stiffness, c.distance, 0.0, 0.0, 0.0] for c in cylinders]).reshape(-1, 6),
+    return records(
+        CYLINDER,
+        len(cylinders),
+        point=np.array([c.point for c in cylinders], dtype=float).reshape(-1, 3),
+        axis=axis / np.linalg.norm(axis, axis=1)[:, None],
+        law=np.array([[0.0, c.stiffness, c.distance, 0.0, 0.0, 0.0] for c in cylinders]).reshape(
+            -1, 6
+        ),
     )
 
 
 def _couples(yarns, chain):
     turned = [k for k, yarn in enumerate(yarns) if yarn.couple]
-    if not turned:
-        return no_couples()
-    axis = np.array([yarns[k].couple_axis for k in turned], dtype=float)
-    return Couples(
-        np.array([chain[k] + yarns[k].elements - 1 for k in turned]),
-        np.tile(spline.basis_first([1.0]), (len(turned), 1)),
-        np.array([yarns[k].couple for k in turned], dtype=float),
-        axis / np.linalg.norm(axis, axis=1)[:, None],
-        np.zeros((len(turned), 3)),
+    axis = np.array([yarns[k].couple_axis for k in turned], dtype=float).reshape(-1, 3)
+    return records(
+        COUPLE,
+        len(turned),
+        first=[chain[k] + yarns[k].elements - 1 for k in turned],
+        d1=spline.basis_first([1.0]),
+        moment=[yarns[k].couple for k in turned],
+        normal=axis / np.linalg.norm(axis, axis=1)[:, None],
     )
 
 
 def _loads(yarns, scene, chain):
     """Dead loads by the unknowns."""
-    rows = len(scene.map.offset)
+    rows = len(scene.map.rows)
     force = np.zeros(rows)
     for yarn, first in zip(yarns, chain, strict=True):
         n = yarn.elements
@@ -522,6 +525,6 @@ def _loads(yarns, scene, chain):
                     at = 3 * (first + i + a)
                     force[at : at + 3] += weight * step * part * np.asarray(yarn.weight, float)
     loads = np.zeros(len(scene.load))
-    owner = np.repeat(np.arange(rows), np.diff(scene.map.start))
-    np.add.at(loads, scene.map.column, scene.map.value * force[owner])
+    entries = scene.map.entries
+    np.add.at(loads, entries.column, entries.value * force[owners(scene.map)])
     return loads

@@ -15,13 +15,16 @@ from knitsim.equilibrium.crossing_kernels import crossings_of, same_crossings
 from knitsim.equilibrium.friction_kernels import begin_slip, lag_at, loss_of, no_slip
 from knitsim.equilibrium.newton_kernels import (
     CONVERGED,
+    copy_to,
+    energy_of,
     expand,
+    factorise_shifted,
     minimise,
     new_work,
     pairs_at,
-    prepare_tangent,
     tangent,
 )
+from knitsim.equilibrium.scene import records
 from knitsim.jit import njit
 
 REACHED, NOT_REACHED = 0, 10
@@ -47,46 +50,44 @@ class March(NamedTuple):
     expected: np.ndarray
 
 
+# A state of a path.  terms: stretch, bending, contact (J); closest: smallest distance (m); residual
+# (N); work, lost: cumulative from the start (J).
+STATE = np.dtype(
+    [
+        ("terms", "f8", 3),
+        *((name, "f8") for name in ("closest", "residual", "work", "lost")),
+        ("iterations", "i8"),
+        ("status", "i8"),
+    ],
+    align=True,
+)
+
+
 class Trail(NamedTuple):
     """What is kept of each asked state; one row each.
 
     y; force: derivatives of energy and friction potential by y (N), which the driven unknowns and the
-    dead loads hold; terms (stretch, bending,
-    contact, J); closest: smallest distance (m); residual (N); work, lost: cumulative from the start
-    (J); iterations, status.
+    dead loads hold; states (STATE).
     """
 
     y: np.ndarray
     force: np.ndarray
-    terms: np.ndarray
-    closest: np.ndarray
-    residual: np.ndarray
-    work: np.ndarray
-    lost: np.ndarray
-    iterations: np.ndarray
-    status: np.ndarray
+    states: np.ndarray
 
 
-@njit
 def new_trail(states, unknowns):
-    return Trail(
-        np.full((states, unknowns), np.nan),
-        np.full((states, unknowns), np.nan),
-        np.full((states, 3), np.nan),
-        np.full(states, np.nan),
-        np.full(states, np.nan),
-        np.full(states, np.nan),
-        np.full(states, np.nan),
-        np.zeros(states, dtype=np.int64),
-        np.full(states, NOT_REACHED),
-    )
+    """A trail of states none of which is reached yet."""
+    missing = {"iterations": 0, "status": NOT_REACHED}
+    rows = records(STATE, states, **{n: missing.get(n, np.nan) for n in STATE.names})
+    y, force = np.full((2, states, unknowns), np.nan)
+    return Trail(y, force, rows)
 
 
 @njit
 def intact(scene, trace, y, expected, work):
     """Whether the crossings at y are the expected ones."""
     lattice = expand(scene.map, y, work.x)
-    points = np.empty((trace.first.size, 3))
+    points = np.empty((trace.points.size, 3))
     place_points(trace, work.x, points)
     return same_crossings(crossings_of(trace, points, lattice, 4 * expected.size), expected)
 
@@ -178,9 +179,11 @@ def follow(scene, trace, y, force, targets, march, control, trail):
                 i = march.driven[j]
                 change[i] = (targets[state, j] - y[i]) * (part / left)
             if stale:
-                prepare_tangent(scene, y, march.free, no_slip(), control, work)
+                listed = pairs_at(scene, y, control.skin, work)
+                energy_of(scene, y, listed, no_slip(), np.int64(2), work)
+                factorise_shifted(work.hessian, march.free, work.factor)
                 stale = False
-            trial[:] = y
+            copy_to(y, trial)
             tangent(trial, change, march.free, work)
             bend_predictor(trial, y, before, march)
             status, used, residual, loss = solve_step(scene, trial, march, control, y, work)
@@ -189,7 +192,7 @@ def follow(scene, trace, y, force, targets, march, control, trail):
                 status = CROSSINGS_LOST
             if status != CONVERGED:
                 part *= 0.5
-                before[:] = y
+                copy_to(y, before)
                 if part < smallest:
                     return state, status
                 stale = True
@@ -198,17 +201,18 @@ def follow(scene, trace, y, force, targets, march, control, trail):
             for i in range(n):
                 after = work.gradient[i] + scene.load[i]
                 done += 0.5 * (force[i] + after) * (trial[i] - y[i])
+                force[i] = after
             lost += loss
-            force[:] = work.gradient + scene.load
-            before[:] = y
-            y[:] = trial
+            copy_to(y, before)
+            copy_to(trial, y)
             left -= part
             left = left if left > 1e-9 else 0.0
-        trail.y[state] = y
-        trail.force[state] = force
-        trail.terms[state] = work.terms
-        trail.closest[state] = math.sqrt(work.closest[0])
-        trail.residual[state] = residual
-        trail.work[state], trail.lost[state] = done, lost
-        trail.iterations[state], trail.status[state] = iterations, REACHED
+        for i in range(n):
+            trail.y[state, i], trail.force[state, i] = y[i], force[i]
+        row = trail.states[state]
+        for i in range(3):
+            row.terms[i] = work.terms[i]
+        row.closest, row.residual = math.sqrt(work.closest[0]), residual
+        row.work, row.lost = done, lost
+        row.iterations, row.status = iterations, REACHED
     return targets.shape[0], REACHED

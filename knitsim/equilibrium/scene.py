@@ -16,99 +16,112 @@ import numpy as np
 LATTICE = 4  # entries of L: a1 course, a1 wale, a2 course, a2 wale
 
 
+# A row of each table.  Tables rather than an array per column: with many arrays in the arguments,
+# Numba compiles several times as long.
+MAP_ROW = np.dtype([("start", "i8"), ("stop", "i8"), ("offset", "f8")], align=True)
+MAP_ENTRY = np.dtype([("column", "i8"), ("value", "f8")], align=True)
+
+# Gauss point of the yarn's own energy.  first: first of the four control points; d0, d1, d2: the
+# basis and its derivatives by the parameter; span: reference length of a unit of the parameter (m);
+# weight: reference length that the point stands for, times the copies of the cell (m); rest: rest
+# curvature (1/m); stiffness: bending rigidity (N m2); rounding (1/m): kappa is taken as
+# sqrt(kappa^2 + rounding^2) where the rest curvature is not zero.
+ROD = np.dtype(
+    [
+        ("first", "i8"),
+        *((name, "f8", 4) for name in ("d0", "d1", "d2")),
+        *((name, "f8") for name in ("span", "weight", "rest", "stiffness", "rounding")),
+    ],
+    align=True,
+)
+
+# Kink of a tension law at a strain: rise of the slope (N), jump of the tension (N), half width of the
+# rounding.
+KINK = np.dtype([(name, "f8") for name in ("strain", "slope", "jump", "half_width")], align=True)
+
+# Contact point.  first, basis: position as in ROD; length (m): arc length it stands for; arc (m):
+# place along its yarn; yarn: number of its yarn.
+TOUCH_POINT = np.dtype(
+    [("first", "i8"), ("yarn", "i8"), ("basis", "f8", 4), ("length", "f8"), ("arc", "f8")],
+    align=True,
+)
+
+# Operation that makes an image: x to sign x + steps[0] a1 + steps[1] a2, the arc s to arc_sign s +
+# arc_shift; inverse: number of its inverse, or -1 where that is not in the list; same: whether it
+# keeps a yarn on itself.
+IMAGE = np.dtype(
+    [
+        ("sign", "f8", 3),
+        ("steps", "f8", 2),
+        ("arc_sign", "f8"),
+        ("arc_shift", "f8"),
+        ("same", "?"),
+        ("inverse", "i8"),
+    ],
+    align=True,
+)
+
+# Rigid cylinder: a point of the axis and its direction, contact law.  The law is that of yarn contact
+# with the sum of the radii as diameter; its energy counts per length of yarn, so that its K is in N
+# and its k in N/m2.
+CYLINDER = np.dtype([("point", "f8", 3), ("axis", "f8", 3), ("law", "f8", 6)], align=True)
+
+# Couple that turns the tangent at a place of a yarn.  first, d1: the place, as in ROD; moment (N m);
+# normal: axis of the couple; reference: direction from which the angle counts, within half a turn of
+# the tangent.
+COUPLE = np.dtype(
+    [
+        ("first", "i8"),
+        ("d1", "f8", 4),
+        ("moment", "f8"),
+        ("normal", "f8", 3),
+        ("reference", "f8", 3),
+    ],
+    align=True,
+)
+
+
+def records(row, size, **columns):
+    """Record array (size,) with rows of the type ``row`` (one of those above), columns as given."""
+    made = np.zeros(size, dtype=row).view(np.recarray)
+    for name, values in columns.items():
+        made[name] = values
+    return made
+
+
 class Map(NamedTuple):
     """The affine map from y to the components of the control points and to L itself.
 
-    start (rows + 1,), column, value: rows in compressed form; offset (rows,): x0.  Row 3 i + axis is
-    a component of control point i; the last LATTICE rows are L.
+    rows (MAP_ROW): row r has the entries start .. stop - 1 and the offset x0.  Row 3 i + axis is a
+    component of control point i; the last LATTICE rows are L.  entries (MAP_ENTRY): column of y,
+    value.
     """
 
-    start: np.ndarray
-    column: np.ndarray
-    value: np.ndarray
-    offset: np.ndarray
-
-
-class Rod(NamedTuple):
-    """Gauss points of the yarn's own energy.
-
-    first: first of the four control points; d0, d1, d2 (m, 4): the basis and its derivatives by the
-    parameter; span: reference length of a unit of the parameter (m); weight: reference length that
-    the point stands for, times the copies of the cell (m); rest: rest curvature (1/m); stiffness:
-    bending rigidity (N m2); rounding (1/m): kappa is taken as sqrt(kappa^2 + rounding^2) where the
-    rest curvature is not zero.
-    """
-
-    first: np.ndarray
-    d0: np.ndarray
-    d1: np.ndarray
-    d2: np.ndarray
-    span: np.ndarray
-    weight: np.ndarray
-    rest: np.ndarray
-    stiffness: np.ndarray
-    rounding: float
+    rows: np.ndarray
+    entries: np.ndarray
 
 
 class Stretch(NamedTuple):
-    """A piecewise-linear tension law with rounded kinks (see :mod:`yarn_kernels`)."""
+    """A piecewise-linear tension law with rounded kinks (see :mod:`yarn_kernels`).
+
+    stiffness: the first slope (N); kinks (KINK).
+    """
 
     stiffness: float
-    strain: np.ndarray
-    slope: np.ndarray
-    jump: np.ndarray
-    half_width: np.ndarray
+    kinks: np.ndarray
 
 
 class Touch(NamedTuple):
     """Contact points and the operations that carry them to their images.
 
-    first, basis (m, 4): position as in Rod; length (m,): arc length each stands for; arc (m,): place
-    along its yarn; yarn (m,): number of its yarn.  Operation g takes x to sign[g] x + m1 a1 + m2 a2
-    and the arc s to arc_sign[g] s + arc_shift[g]; inverse[g] is its inverse, or -1 where that is not
-    in the list; same[g] tells that it keeps a yarn on itself.  copies: how often the cell counts.
-    exclude (m): yarn neighbours closer than this along the arc do not touch.
+    points (TOUCH_POINT), images (IMAGE).  copies: how often the cell counts.  exclude (m): yarn
+    neighbours closer than this along the arc do not touch.
     """
 
-    first: np.ndarray
-    basis: np.ndarray
-    length: np.ndarray
-    arc: np.ndarray
-    yarn: np.ndarray
-    sign: np.ndarray
-    steps: np.ndarray
-    arc_sign: np.ndarray
-    arc_shift: np.ndarray
-    same: np.ndarray
-    inverse: np.ndarray
+    points: np.ndarray
+    images: np.ndarray
     copies: float
     exclude: float
-
-
-class Cylinders(NamedTuple):
-    """Rigid cylinders: a point of the axis and its direction (m, 3), contact law (m, 6).
-
-    The law is that of yarn contact with the sum of the radii as diameter; its energy counts per
-    length of yarn, so that its K is in N and its k in N/m2.
-    """
-
-    point: np.ndarray
-    axis: np.ndarray
-    law: np.ndarray
-
-
-class Couples(NamedTuple):
-    """Couples that turn the tangent at a place of a yarn.
-
-    first, d1 (m, 4): the place, as in Rod; moment (N m); normal (m, 3): axis of the couple;
-    reference (m, 3): direction from which the angle counts, within half a turn of the tangent.
-    """
-
-    first: np.ndarray
-    d1: np.ndarray
-    moment: np.ndarray
-    normal: np.ndarray
-    reference: np.ndarray
 
 
 class Bend(NamedTuple):
@@ -121,34 +134,21 @@ class Bend(NamedTuple):
     active: bool
 
 
-def no_cylinders():
-    return Cylinders(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 6)))
-
-
-def no_couples():
-    return Couples(
-        np.zeros(0, dtype=np.int64),
-        np.zeros((0, 4)),
-        np.zeros(0),
-        np.zeros((0, 3)),
-        np.zeros((0, 3)),
-    )
-
-
 class Scene(NamedTuple):
     """All that the energy of a scene depends on, besides y.
 
+    rod (ROD), cylinders (CYLINDER) and couples (COUPLE) are tables.
     law (6,): kind of the contact law (0 barrier, 1 core), K (N/m), diameter (m), core (m),
     k (N/m3), p.  load (y size): dead loads, the energy falls by load . y.  scale (y size): the
     residual of unknown i is |gradient_i| scale_i (N), the force on one control point or on L.
     """
 
     map: Map
-    rod: Rod
+    rod: np.ndarray
     stretch: Stretch
     touch: Touch
-    cylinders: Cylinders
-    couples: Couples
+    cylinders: np.ndarray
+    couples: np.ndarray
     bend: Bend
     law: np.ndarray
     load: np.ndarray

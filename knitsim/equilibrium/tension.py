@@ -244,6 +244,7 @@ class _Walk:
 
     def _keep(self, trail, count, phase, cycle):
         """Append the first ``count`` rows of a trail and move to the last of them."""
+        states = trail.states
         for i in range(count):
             self.rows.append(
                 (
@@ -251,18 +252,18 @@ class _Walk:
                     cycle,
                     trail.y[i],
                     trail.force[i],
-                    trail.terms[i],
-                    trail.closest[i],
-                    trail.residual[i],
-                    self.work + trail.work[i],
-                    self.lost + trail.lost[i],
-                    trail.iterations[i],
+                    states.terms[i],
+                    states.closest[i],
+                    states.residual[i],
+                    self.work + states.work[i],
+                    self.lost + states.lost[i],
+                    states.iterations[i],
                 )
             )
         if count:
             self.y, self.force = trail.y[count - 1].copy(), trail.force[count - 1].copy()
-            self.work += trail.work[count - 1]
-            self.lost += trail.lost[count - 1]
+            self.work += states.work[count - 1]
+            self.lost += states.lost[count - 1]
 
     def _stop(self, status, target):
         shown = ", ".join(f"{t:.6g}" for t in target)

@@ -24,8 +24,9 @@ def stretch_at(e, law):
     energy = 0.5 * law.stiffness * e * e
     tension = law.stiffness * e
     stiffness = law.stiffness
-    for i in range(law.strain.size):
-        x, b, s, j = e - law.strain[i], law.half_width[i], law.slope[i], law.jump[i]
+    for i in range(law.kinks.size):
+        kink = law.kinks[i]
+        x, b, s, j = e - kink.strain, kink.half_width, kink.slope, kink.jump
         if x >= b:
             energy += s * (0.5 * x * x + b * b / 6.0) + j * x
             tension += s * x + j
@@ -53,21 +54,21 @@ def bend_at(square, bending, rest, rounding):
 
 
 @njit
-def yarn_point(scene, p, v, w, order, form, tangent, terms):
-    """Energy of Gauss point p with velocity v and acceleration w, any frame that is orthonormal.
+def yarn_point(point, stretch, v, w, order, form, tangent, terms):
+    """Energy of a Gauss point (a row of the rod) with velocity v and acceleration w.
 
-    Adds to terms; fills form (6,), its gradient by (v, w), and with order 2 tangent (6, 6).
+    Any orthonormal frame serves.  Adds to terms; fills form (6,), its gradient by (v, w), and with
+    order 2 tangent (6, 6).
     """
-    rod = scene.rod
-    h, wt = rod.span[p], rod.weight[p]
+    h, wt = point.span, point.weight
     a = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     b = v[0] * w[0] + v[1] * w[1] + v[2] * w[2]
     c = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
     root = math.sqrt(a)
-    energy, tension, stiffness = stretch_at(root / h - 1.0, scene.stretch)
+    energy, tension, stiffness = stretch_at(root / h - 1.0, stretch)
     ia, ih = 1.0 / a, 1.0 / (h * h)
     square = max((c * ia - b * b * ia * ia) * ih, 0.0)
-    psi, psi1, psi2 = bend_at(square, rod.stiffness[p], rod.rest[p], rod.rounding)
+    psi, psi1, psi2 = bend_at(square, point.stiffness, point.rest, point.rounding)
     terms[0] += wt * energy
     terms[1] += wt * psi
     ka = (-c * ia * ia + 2.0 * b * b * ia**3) * ih
@@ -109,22 +110,22 @@ def add_yarn(scene, x, order, gradient, half, terms):
     """
     rod = scene.rod
     form, tangent = np.empty(6), np.empty((6, 6))
-    for p in range(rod.first.size):
-        f = rod.first[p]
+    for point in rod:
+        f = point.first
         v0 = v1 = v2 = a0 = a1 = a2 = 0.0
         for k in range(4):
-            d, s = rod.d1[p, k], rod.d2[p, k]
+            d, s = point.d1[k], point.d2[k]
             v0 += d * x[f + k, 0]
             v1 += d * x[f + k, 1]
             v2 += d * x[f + k, 2]
             a0 += s * x[f + k, 0]
             a1 += s * x[f + k, 1]
             a2 += s * x[f + k, 2]
-        yarn_point(scene, p, (v0, v1, v2), (a0, a1, a2), order, form, tangent, terms)
+        yarn_point(point, scene.stretch, (v0, v1, v2), (a0, a1, a2), order, form, tangent, terms)
         if order == 0:
             continue
         for k in range(4):
-            d, s = rod.d1[p, k], rod.d2[p, k]
+            d, s = point.d1[k], point.d2[k]
             for i in range(3):
                 gradient[3 * (f + k) + i] += d * form[i] + s * form[3 + i]
         if order == 1:
@@ -132,12 +133,12 @@ def add_yarn(scene, x, order, gradient, half, terms):
         for i in range(3):
             for j in range(3):
                 for k in range(4):
-                    dk, sk = rod.d1[p, k], rod.d2[p, k]
+                    dk, sk = point.d1[k], point.d2[k]
                     left = dk * tangent[i, j] + sk * tangent[3 + i, j]
                     right = dk * tangent[i, 3 + j] + sk * tangent[3 + i, 3 + j]
                     row = 3 * (f + k) + i
                     for m in range(k):
-                        half[row, 3 * (f + m) + j] += left * rod.d1[p, m] + right * rod.d2[p, m]
+                        half[row, 3 * (f + m) + j] += left * point.d1[m] + right * point.d2[m]
                     half[row, row - i + j] += 0.5 * (left * dk + right * sk)
 
 
