@@ -95,7 +95,8 @@ def test_quarter_and_full_cell_agree(cotton, course):
 def test_two_by_two_cell_agrees():
     # Compared where the force is well above the ripples that coarse contact points leave.
     alone, block = (
-        relax(Fabric(**COTTON), Resolution(32, **more))
+        # The coarsest contact points: their ripples hold whole yarns, which slide at no cost, in place.
+        relax(Fabric(**COTTON), Resolution(32, 160, **more))
         for more in ({}, {"cell": "full", "wales": 2, "courses": 2})
     )
     assert block.wale_spacing == pytest.approx(alone.wale_spacing, rel=5e-3)
@@ -107,7 +108,7 @@ def test_two_by_two_cell_agrees():
 
 def test_mirrored_fabric_mirrors_its_result():
     """Upside down (half turn about the course axis) a plain knit is the same fabric."""
-    full = relax(Fabric(**COTTON), Resolution(24, cell="full"))
+    full = relax(Fabric(**COTTON), Resolution(24, 160, cell="full"))
     model = full.model
     mirrored = full.centreline * [-1.0, 1.0, 1.0]
     assert is_intact(model, full.y)
@@ -144,7 +145,7 @@ def test_lateral_conditions(cotton):
     assert loaded.forces[:, 3] == pytest.approx(5.0 * cotton.wale_spacing, abs=SMALL_FORCE)
     # Biaxial at the spacings of the free test: the forces are the same.
     both = biaxial(cotton, np.column_stack([free.strain, free.wale_strain]))
-    assert both.forces[:, 0] == pytest.approx(free.force_per_loop, rel=1e-6)
+    assert both.forces[:, 0] == pytest.approx(free.force_per_loop, rel=1e-6, abs=SMALL_FORCE)
     assert both.forces[:, 3] == pytest.approx(np.zeros(2), abs=1e-6)
 
 

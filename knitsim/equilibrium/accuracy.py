@@ -39,7 +39,10 @@ def spatial_error(relaxed, curve, samples=10):
     Relative to max(|force|, 1 % of the largest).  samples: states that are solved again.  Friction
     is left out on both sides.  NaN where the fine solution failed.
     """
-    fine = fine_relaxed(relaxed)
+    try:
+        fine = fine_relaxed(relaxed)
+    except ComputationError:
+        return np.full(curve.steps, np.nan)
     model, at, new = relaxed.model, relaxed.model.lattice, fine.model.lattice
     size = scale_of(curve.force_per_loop)
     chosen = np.unique(np.linspace(0, curve.steps - 1, min(samples, curve.steps)).astype(int))

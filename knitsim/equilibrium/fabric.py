@@ -8,11 +8,10 @@ import numpy as np
 from knitsim.errors import InputError
 from knitsim.yarn.law import TensionLaw
 
-# Contact points lie at most this part of a diameter apart ...
-CONTACT_SPACING = 1.0 / 8.0
-# ... and closer for a barrier stiffer than this (N/m), in proportion to 1/sqrt(K): the contact zone
-# becomes thinner with K.
-STIFF_CONTACT = 30e3
+# Spacing of the contact points, in diameters.  Two crossing yarns of bending rigidity B touch along
+# about d (B/(K d^3))^(1/4): a force B/d^2 presses them by delta diameters, K d delta^2 = B/d^2, and
+# their gap stays below that over sqrt(delta) d.  The factor makes it d/16 for a cotton jersey.
+BARRIER_SPACING, WIDEST, NARROWEST = 1.0 / 11.0, 1.0 / 8.0, 1.0 / 96.0
 LEAST_POINTS = 24
 # Below this ratio of loop length to diameter no plain loop closes without deep compression.
 LEAST_BULK_SOFT, LEAST_BULK_HARD = 7.5, 12.0
@@ -159,18 +158,20 @@ class Resolution:
 
     def contacts_for(self, fabric):
         """Contact points per loop for a fabric.  Raises InputError where the stated ones are few."""
-        spacing = CONTACT_SPACING * fabric.diameter
-        if isinstance(fabric.contact, BarrierContact):
-            spacing *= min(1.0, math.sqrt(STIFF_CONTACT / fabric.contact.stiffness))
+        d, contact = fabric.diameter, fabric.contact
+        if isinstance(contact, BarrierContact):
+            slender = fabric.bending_rigidity / (contact.stiffness * d**3)
+            spacing = d * min(WIDEST, max(NARROWEST, BARRIER_SPACING * slender**0.25))
         else:
             # The core law is smooth over the shell, whatever the diameter.
-            spacing = CONTACT_SPACING * 2.0 * (fabric.diameter - fabric.contact.core)
-            spacing = min(spacing, CONTACT_SPACING * fabric.diameter)
+            spacing = min(WIDEST * d, 2.0 * WIDEST * (d - contact.core))
         needed = 4 * math.ceil(fabric.loop_length / spacing / 4.0 - 1e-2)
         if self.contacts is None:
             return max(needed, 2 * self.points)
         if self.contacts % 4:
             raise InputError("contacts", self.contacts, "must be a multiple of 4")
+        # Half of them still resolve the contact, with four times the error.
+        needed = 4 * math.ceil(needed / 8.0)
         if self.contacts < needed:
             raise InputError(
                 "contacts",

@@ -30,6 +30,7 @@ from knitsim.jit import njit
 REACHED, NOT_REACHED = 0, 10
 CROSSINGS_LOST = 11
 SMALLEST = 1.0 / 64.0  # of an asked step
+LEAST_MOVE = 1e-3  # of the largest increment: a step that moves less is rounded as if it moved this
 
 
 class March(NamedTuple):
@@ -37,7 +38,8 @@ class March(NamedTuple):
 
     free: unknowns that equilibrium decides; driven: those that are prescribed; largest: largest
     change of a driven unknown in one increment (m); friction: coefficient; rounding: slip at which
-    friction is fully mobilised (m); passes: how often the normal forces are lagged; expected: the
+    friction is fully mobilised, over the change of the driven unknowns in that step (1), as slips in a
+    step must be mobilised or friction creeps; passes: how often the normal forces are lagged; expected: the
     crossing codes that every state must show.
     """
 
@@ -100,6 +102,9 @@ def solve_step(scene, y, march, control, start, work):
     """
     slip, pairs = no_slip(), (np.empty((0, 3), dtype=np.int64), np.empty(0))
     rubs = march.friction > 0.0
+    moved = LEAST_MOVE * march.largest
+    for i in march.driven:
+        moved = max(moved, abs(y[i] - start[i]))
     status, total, residual = CONVERGED, 0, 0.0
     for once in range(march.passes if rubs else 1):
         if rubs:
@@ -109,7 +114,7 @@ def solve_step(scene, y, march, control, start, work):
             place_points(scene.touch, work.x, work.points)
             if once == 0:
                 slip = begin_slip(
-                    scene, work.points, lattice, pairs, march.friction, march.rounding
+                    scene, work.points, lattice, pairs, march.friction, march.rounding * moved
                 )
             else:
                 lag_at(scene, work.points, lattice, pairs[1], march.friction, slip)

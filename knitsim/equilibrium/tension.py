@@ -27,7 +27,7 @@ _PULLED = {"course": (WALE_SPACING, COURSE_SPACING), "wale": (COURSE_SPACING, WA
 LARGEST_STRAIN = 5.0
 INCREMENT = 0.1  # largest increment of strain without friction
 FRICTION_INCREMENT = 0.02
-SLIP_ROUNDING = 0.03  # of the increment: slips in a step must be mobilised, or friction creeps
+SLIP_ROUNDING = 0.03  # of the step's own length, see March
 LAG_PASSES = 2
 FORCE_TOLERANCE = 1e-6  # relative, where a force is asked for
 
@@ -211,7 +211,7 @@ class _Walk:
             np.array(self.entry),
             step * spacing,
             fabric.friction,
-            SLIP_ROUNDING * increment * spacing,
+            SLIP_ROUNDING,
             LAG_PASSES,
             model.expected,
         )
