@@ -127,7 +127,8 @@ def tests_of(wildcards):
 
 def output_files():
     vtk = expand(rules.vtk.output.directory, fabric=STUDY.fabrics)
-    return [*rules.tables.output, *vtk, *FIGURES]
+    verified = [*rules.verification.output, *rules.figures_verification.output]
+    return [*rules.tables.output, *vtk, *FIGURES, *verified]
 
 
 wildcard_constraints:

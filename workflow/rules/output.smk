@@ -27,11 +27,12 @@ rule tables:
         timing=results("tables/timing.csv"),
         assumptions=results("tables/assumptions.csv"),
         corrections=results("tables/corrections.csv"),
+        kes=results("tables/kes.csv"),
     log:
         log_of("tables"),
     params:
         assumptions=digest_of([row.as_dict() for row in STUDY.assumptions()]),
-        source=source_hash("knitsim.stages.tables"),
+        source=source_hash("knitsim.stages.tables", "knitsim.stages.kes_table"),
     script:
         "../scripts/tables.py"
 

@@ -1,0 +1,32 @@
+# The solver against exact answers; depends on the code alone, not on the study.
+
+
+rule verification:
+    output:
+        result=results("verification/cases.nc"),
+        table=results("tables/accuracy.csv"),
+        timings=timings_of("verification"),
+    log:
+        log_of("verification"),
+    params:
+        source=source_hash("knitsim.stages.verification"),
+    # Last, when the long compilation of the equilibrium is done.
+    priority: -1
+    script:
+        "../scripts/verification.py"
+
+
+rule figures_verification:
+    input:
+        verification=rules.verification.output.result,
+    output:
+        [results(f"figures/fig17_verification.{kind}") for kind in ("png", "svg")],
+    log:
+        log_of("figures_verification"),
+    params:
+        group="verification",
+        of="study",
+        suffix="",
+        source=source_hash("knitsim.figures.draw", *catalogue.modules("verification")),
+    script:
+        "../scripts/figures.py"
