@@ -1,4 +1,4 @@
-"""Figures of the bending test, and the images of a bent loop, against bending the whole fabric."""
+"""Figures of the bending test: what they show is what the result files hold."""
 
 from pathlib import Path
 
@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from knitsim.configuration.study import load_study
-from knitsim.errors import InputError
-from knitsim.figures import bending, style
+from knitsim.figures import bending, catalogue, style
 from knitsim.figures.bending import angles_of_sections
-from knitsim.figures.images import bent_fabric, turn_along
-from knitsim.kinematic.bending import bending_test, bent_points
 from knitsim.stages import kinematic_bending
 from knitsim.stages.laws import calibration_of, laws_of
 
+FIGURES = {figure.name: figure for figure in catalogue.FIGURES if figure.module == "bending"}
 SMALL = Path(__file__).parents[1] / "config" / "small"
 
 
@@ -28,53 +26,13 @@ def datasets():
 
 
 def draw(stem, datasets):
-    function, needed = bending.FIGURES[stem]
     with style.context():
-        return function(**{name: datasets[name] for name in needed})
+        return getattr(bending, stem)(**{name: datasets[name] for name in FIGURES[stem].needs})
 
 
 @pytest.fixture(scope="module")
 def figures(datasets):
-    return {stem: draw(stem, datasets) for stem in bending.FIGURES}
-
-
-@pytest.mark.parametrize("direction", ["course", "wale"])
-@pytest.mark.parametrize("curvature", [-250.0, -1e-6, 0.0, 1e-6, 250.0])
-def test_images_are_the_fabric_bent_as_a_whole(cotton_loop, cotton_law, direction, curvature):
-    loop, wide, high = cotton_loop, 4, 3
-    curve = bending_test(loop, cotton_law, direction, np.array([curvature]), np.array([False]))
-    line = loop.points(np.arange(41) / 40)
-    bent = bent_points(curve, line)[0]
-    courses = bent_fabric(
-        bent, curvature, direction, loop.wale_spacing, loop.course_spacing, wide, high
-    )
-    assert len(courses) == high
-    for row, course in enumerate(courses):
-        flat = np.concatenate(
-            [line[:-1] + [k * loop.wale_spacing, 0.0, 0.0] for k in range(wide)]
-            + [line[:1] + [wide * loop.wale_spacing, 0.0, 0.0]]
-        )
-        flat += [-0.5 * wide * loop.wale_spacing, (row - 0.5 * high) * loop.course_spacing, 0.0]
-        expected = bent_points(curve, flat)[0]
-        assert np.abs(course - expected).max() < 1e-14 + 1e-12 * loop.wale_spacing
-
-
-def test_images_without_curvature_are_shifts_and_a_full_turn_closes():
-    points = np.array([[0.1, 0.2, 0.3], [0.4, -0.1, 0.2]])
-    assert np.array_equal(turn_along(points, 0.0, "course", 2.0), points + [2.0, 0.0, 0.0])
-    assert np.array_equal(turn_along(points, 0.0, "wale", 2.0), points + [0.0, 2.0, 0.0])
-    closed = turn_along(points, 0.5, "wale", 2.0 * np.pi / 0.5)
-    assert np.allclose(closed, points, atol=1e-14)
-    # A quarter of the circle of radius 2 about the axis at thickness -2.
-    quarter = turn_along(np.zeros((1, 3)), 0.5, "course", 0.5 * np.pi / 0.5)
-    assert np.allclose(quarter, [[2.0, 0.0, -2.0]], atol=1e-14)
-
-
-def test_images_refuse_what_is_not_a_loop():
-    with pytest.raises(InputError, match="direction"):
-        turn_along(np.zeros((3, 3)), 1.0, "thickness", 1.0)
-    with pytest.raises(InputError, match="centreline"):
-        bent_fabric(np.full((5, 3), np.nan), 1.0, "course", 1.0, 1.0, 2, 2)
+    return {stem: draw(stem, datasets) for stem in FIGURES}
 
 
 @pytest.mark.parametrize("curvature", [-300.0, 300.0])
@@ -168,7 +126,7 @@ def test_axes_have_units_and_the_title_its_fabric(figures):
         assert ax.texts[0].get_text().endswith(" mm")  # its scale bar
 
 
-@pytest.mark.parametrize("stem", bending.FIGURES)
+@pytest.mark.parametrize("stem", FIGURES)
 def test_saved_files_are_the_same_twice(stem, datasets, figures, tmp_path):
     first = style.save(figures[stem], tmp_path / "first")
     second = style.save(draw(stem, datasets), tmp_path / "second")

@@ -8,11 +8,25 @@ import yaml
 
 from knitsim.configuration.study import load_study
 from knitsim.errors import InputError
-from knitsim.figures import style, tension
+from knitsim.figures import catalogue, loop_tension, style, tension
+from knitsim.figures.readings import (
+    EQUILIBRIUM_COLOURS,
+    equilibrium_styles,
+    runs,
+    starting_spacings,
+    with_states,
+)
 from knitsim.figures.states import law_source
-from knitsim.stages import kinematic_tension
+from knitsim.stages import equilibrium_rest, equilibrium_tension, kinematic_tension
 from knitsim.stages.laws import calibration_of, laws_of
 
+MODULES = {"tension": tension, "loop_tension": loop_tension}
+FIGURES = {figure.name: figure for figure in catalogue.FIGURES if figure.module in MODULES}
+CONDITIONS = {
+    "sliding": {},
+    "rough": {"friction": True, "recovery": True},
+    "clamped": {"lateral": "held", "max_strain_course": 0.2},
+}
 VARIANTS = {
     "isometric": {},
     "shrinks": {"contraction": "linear"},
@@ -26,7 +40,7 @@ VARIANTS = {
 
 @pytest.fixture(scope="module")
 def datasets(tmp_path_factory):
-    """A small fabric's tests in every kind of reading, by the keywords of the figures."""
+    """A small fabric's tests in every reading and condition, by the keywords of the figures."""
     folder = tmp_path_factory.mktemp("config")
     parts = {
         "yarns": {
@@ -49,7 +63,12 @@ def datasets(tmp_path_factory):
                 "kinematic_tension": {
                     "steps": 8, "max_strain_course": 0.8, "max_strain_wale": 0.4,
                     "variants": VARIANTS,
-                }
+                },
+                "equilibrium_rest": {"loop_length_low": 1, "loop_length_high": 1.02},
+                "equilibrium_tension": {
+                    "states": 4, "max_strain_course": 0.3, "max_strain_wale": 0.15,
+                    "variants": CONDITIONS,
+                },
             }
         },
     }  # fmt: skip
@@ -57,21 +76,24 @@ def datasets(tmp_path_factory):
         (folder / f"{name}.yaml").write_text(yaml.safe_dump(part, sort_keys=False))
     fabric = load_study(folder).fabrics["sample"]
     laws = laws_of(fabric.yarn, calibration_of(fabric.yarn))
-    return {
-        f"tension_{direction}": kinematic_tension.run(fabric, laws, direction)[0]
-        for direction in ("course", "wale")
-    }
+    made = {"relaxed": equilibrium_rest.run(fabric, laws)[0]}
+    for direction in ("course", "wale"):
+        made[f"tension_{direction}"] = kinematic_tension.run(fabric, laws, direction)[0]
+        made[f"equilibrium_{direction}"] = equilibrium_tension.run(fabric, laws, direction)[0]
+    return made
 
 
-def draw(stem, datasets, **more):
-    function, needed = tension.FIGURES[stem]
+def draw(stem, datasets):
+    """The figure from what it needs, and from what it takes as far as it is there."""
+    figure = FIGURES[stem]
+    names = [name for name in (*figure.needs, *figure.takes) if name in datasets]
     with style.context():
-        return function(**{name: datasets[name] for name in needed}, **more)
+        return getattr(MODULES[figure.module], stem)(**{name: datasets[name] for name in names})
 
 
 @pytest.fixture(scope="module")
 def figures(datasets):
-    return {stem: draw(stem, datasets) for stem in tension.FIGURES}
+    return {stem: draw(stem, datasets) for stem in FIGURES}
 
 
 def lines_of(ax, **wanted):
@@ -92,13 +114,18 @@ def loaded(dataset, variant, name):
     return 100.0 * curve.strain.values[up], curve[name].values[up], curve.status.values[up]
 
 
+def readings_grid(fig):
+    """Panels of the kinematic readings: forces of course and wale down, readings across."""
+    return np.array(fig.axes[2:]).reshape(4, -1)
+
+
 QUICK = ("fig07_course_contraction", "fig13_fabric_under_tension")
 
 
 @pytest.mark.parametrize(
     "stem",
     [stem if stem in QUICK else pytest.param(stem, marks=pytest.mark.slow)
-     for stem in tension.FIGURES],
+     for stem in FIGURES],
 )  # fmt: skip
 def test_saved_files_are_the_same_twice(stem, datasets, figures, tmp_path):
     first = style.save(figures[stem], tmp_path / "first")
@@ -109,7 +136,7 @@ def test_saved_files_are_the_same_twice(stem, datasets, figures, tmp_path):
         assert 5_000 < len(content) < 1_500_000
 
 
-@pytest.mark.parametrize("stem", tension.FIGURES)
+@pytest.mark.parametrize("stem", FIGURES)
 def test_axes_name_their_units_and_the_title_its_fabric(stem, figures):
     fig = figures[stem]
     assert "sample" in fig.get_suptitle()
@@ -122,13 +149,27 @@ def test_axes_name_their_units_and_the_title_its_fabric(stem, figures):
             assert not place.is_last_row() or ax.get_xlabel() == "course direction (mm)"
             assert not place.is_first_col() or ax.get_ylabel() == "wale direction (mm)"
             continue
+        if stem.startswith("fig14"):
+            continue
         assert ax.get_xlabel().endswith(("(mm)", "(%)"))
-        if stem.startswith("fig14") and not place.is_first_col():
-            continue  # a row shares its label
-        assert ax.get_ylabel().endswith(("(mm)", "(N)", "(1)", "(diameters)"))
-    if stem.startswith("fig14"):
-        sides = [child for ax in grid for child in ax.child_axes]
-        assert "force per width (N/mm)" in [side.get_ylabel() for side in sides]
+        assert ax.get_ylabel().endswith(("(mm)", "(1)", "(diameters)"))
+
+
+def test_axes_of_the_force_figure_name_their_units(figures):
+    fig = figures["fig14_fabric_tension"]
+    both, grid = fig.axes[:2], readings_grid(fig)
+    for ax in both:
+        assert ax.get_xlabel().endswith("strain (%)")
+        assert ax.get_ylabel() == "force per width (N/mm)"
+        labels = [child.get_xlabel() or child.get_ylabel() for child in ax.child_axes]
+        assert [label[label.index("(") :] for label in labels] == ["(mm)", "(mm)", "(gf/cm)"]
+        kinematic, equilibrium = ("spacing of the kinematic", "spacing of the equilibrium")
+        assert kinematic in labels[0]
+        assert equilibrium in labels[1]
+    # Rows share the label of the force, and pairs of them that of the strain.
+    assert [ax.get_ylabel()[-3:] for ax in grid[:, 0]] == ["(N)"] * 4
+    assert all(ax.get_xlabel().endswith("strain (%)") for ax in grid[1::2].flat if ax.axison)
+    assert [ax.child_axes[0].get_ylabel() for ax in grid[1::2, 0]] == ["per width (N/mm)"] * 2
 
 
 @pytest.mark.parametrize(
@@ -181,7 +222,7 @@ def test_contraction_is_that_of_the_file_down_to_its_limit(direction, datasets, 
 
 
 def test_every_reading_stands_in_the_force_figure(datasets, figures):
-    axes = np.array(figures["fig14_fabric_tension"].axes).reshape(4, 4)
+    axes = readings_grid(figures["fig14_fabric_tension"])
     panels = {
         "isometric": 0,
         "shrinks": 0,
@@ -213,7 +254,7 @@ def test_every_reading_stands_in_the_force_figure(datasets, figures):
 
 
 def test_force_per_width_axis_agrees_with_the_file(datasets, figures):
-    axes = np.array(figures["fig14_fabric_tension"].axes).reshape(4, 4)
+    axes = readings_grid(figures["fig14_fabric_tension"])
     for row, direction in ((1, "course"), (3, "wale")):
         curve = datasets[f"tension_{direction}"].sel(variant="isometric")
         (side,) = axes[row, 0].child_axes
@@ -229,7 +270,7 @@ def test_states_beyond_break_are_marked(datasets, figures):
     strain, force, status = loaded(datasets["tension_course"], "isometric", "yarn_tension")
     assert 0 < status.sum() < status.size
     first = int(np.argmax(status))
-    axes = np.array(figures["fig14_fabric_tension"].axes).reshape(4, 4)
+    axes = readings_grid(figures["fig14_fabric_tension"])
     crosses = [c[:, 0] for c in lines_of(axes[0, 0], marker="X")]
     assert any(np.array_equal(cross, [strain[first], force[first]]) for cross in crosses)
 
@@ -242,24 +283,151 @@ def test_states_beyond_break_are_marked(datasets, figures):
     assert f"closest {float(curve.min_distance[0]):.2f} d" in titles[0]
 
 
-def test_equilibrium_is_drawn_beside_the_kinematic_model(datasets):
-    other = datasets["tension_course"].sel(variant=["isometric"]).assign_coords(variant=["sliding"])
-    other = other.assign(
-        force_per_loop=other.force_per_loop + 0.5, transverse_strain=other.transverse_strain * 0.5
+def test_runs_are_the_states_of_the_file_in_turn(datasets):
+    test = datasets["equilibrium_course"]
+    for name, phases in (("sliding", ["loading"]), ("rough", ["loading", "recovery"])):
+        curve = test.sel(variant=name)
+        found = runs(curve)
+        assert [phase for phase, _ in found] == phases
+        states = np.concatenate([found[0][1], *(part[1:] for _, part in found[1:])])
+        assert states.tolist() == np.flatnonzero(np.isfinite(curve.strain.values)).tolist()
+        assert [part[0] for _, part in found[1:]] == [part[-1] for _, part in found[:-1]]
+    lost = test.sel(variant="rough")
+    lost = lost.assign_coords(strain=lost.strain * np.nan)
+    assert runs(lost) == []
+
+
+def test_conditions_that_differ_in_their_reach_only_are_told_apart(datasets):
+    test = datasets["equilibrium_course"]
+    readings = json.loads(test.attrs["readings"])
+    readings["clamped"] = readings["rough"] | {"max_strain_course": 0.2}
+    looks = equilibrium_styles(test.assign_attrs(readings=json.dumps(readings)))
+    assert looks["rough"]["color"] == looks["clamped"]["color"] != looks["sliding"]["color"]
+    assert looks["rough"]["linewidth"] > looks["clamped"]["linewidth"]
+    assert len({look["color"] for look in equilibrium_styles(test).values()}) == 3
+
+
+def test_without_a_state_the_equilibrium_model_is_left_out(datasets):
+    empty = {
+        name: data.assign_coords(strain=data.strain * np.nan)
+        for name, data in datasets.items() if name.startswith("equilibrium")
+    }  # fmt: skip
+    assert with_states(datasets["equilibrium_course"]).sizes["variant"] == len(CONDITIONS)
+    assert with_states(empty["equilibrium_course"]) is None
+    assert len(draw("fig13_fabric_under_tension", datasets | empty).axes) == 10
+
+
+@pytest.mark.parametrize("direction", ["course", "wale"])
+def test_equilibrium_starts_from_the_relaxed_spacings(direction, datasets):
+    relaxed = datasets["relaxed"]
+    known = float(relaxed.wale_spacing), float(relaxed.course_spacing)
+    assert starting_spacings(datasets[f"equilibrium_{direction}"], direction) == pytest.approx(
+        known, rel=1e-6
     )
-    colour = style.COLOURS["equilibrium"]
-    fig = draw("fig14_fabric_tension", datasets, equilibrium_course=other)
-    ax = np.array(fig.axes).reshape(4, 4)[1, 0]
-    up = other.phase.values == "loading"
-    drawn = lines_of(ax, color=colour, linestyle="-")
-    assert any(
-        np.array_equal(line[1], other.force_per_loop.values[0, up])
-        for line in drawn
-        if line.shape[1] == up.sum()
-    )
-    fig = draw("fig07_course_contraction", datasets, equilibrium_course=other)
-    ((_, scale),) = lines_of(fig.axes[1], color=colour, linestyle="-", label="equilibrium, sliding")
-    assert np.array_equal(scale, 1.0 + other.transverse_strain.values[0, up])
+    kinematic = datasets[f"tension_{direction}"]
+    for k, name in enumerate(("wale_spacing", "course_spacing")):
+        assert abs(float(kinematic[name][0, 0]) / known[k] - 1.0) > 0.05  # a different start
+
+
+@pytest.mark.parametrize(("panel", "direction"), [(0, "course"), (1, "wale")])
+def test_both_models_stand_in_the_force_figure(panel, direction, datasets, figures):
+    ax = figures["fig14_fabric_tension"].axes[panel]
+    test = datasets[f"equilibrium_{direction}"]
+    strain, force, _ = loaded(datasets[f"tension_{direction}"], "shrinks", "force_per_width")
+    ((x, _),) = lines_of(ax, label="linear, to half")
+    assert np.array_equal(x, strain)
+    for name, friction, free in (("sliding", False, True), ("rough", True, True),
+                                 ("clamped", False, False)):  # fmt: skip
+        colour = EQUILIBRIUM_COLOURS[friction, free]
+        ((x, y),) = lines_of(ax, color=colour, linestyle="-", label=f"equilibrium, {name}")
+        strain, force, _ = loaded(test, name, "force_per_width")
+        reached = np.isfinite(strain)
+        assert reached.sum() >= 3
+        assert np.array_equal(x, strain[reached])
+        assert y == pytest.approx(1e-3 * force[reached], rel=1e-12)
+    rough = test.sel(variant="rough")
+    colour = EQUILIBRIUM_COLOURS[True, True]
+    ((x, y),) = lines_of(ax, color=colour, linestyle="--")
+    back = np.flatnonzero(rough.phase.values == "recovery")
+    assert np.array_equal(x, 100.0 * rough.strain.values[[back[0] - 1, *back]])
+    ((left, _),) = lines_of(ax, color=colour, marker="D")
+    assert left == pytest.approx(100.0 * rough.strain.values[back[-1]])
+    assert left[0] > 1.0  # friction keeps some of the strain
+
+    # The spacing pulled stands above the strain, of either model from its own start.
+    spacing = f"{'wale' if direction == 'course' else 'course'}_spacing"
+    kinematic = datasets[f"tension_{direction}"].sel(variant="isometric")
+    for side, curve in zip(ax.child_axes, (kinematic, test.sel(variant="sliding")), strict=False):
+        x = 100.0 * curve.strain.values[1]
+        assert side._functions[0](x) == pytest.approx(1e3 * float(curve[spacing][1]), rel=1e-6)
+        assert side._functions[1](side._functions[0](x)) == pytest.approx(x)
+    width = ax.child_axes[2]._functions[0]
+    assert width(1.0) == pytest.approx(1000.0 / 9.80665 * 10.0)  # gf/cm in a N/mm
+
+
+def test_the_gap_between_the_models_is_told_where_both_have_states(datasets, figures):
+    strain, high, status = loaded(datasets["tension_course"], "isometric", "force_per_width")
+    step = np.flatnonzero(status == 0)[-1]
+    test = datasets["equilibrium_course"]
+    curve = test.sel(variant="sliding")
+    reached = int(np.isfinite(curve.strain.values).sum())
+    assert 100.0 * curve.strain.values[reached - 1] < strain[step]
+
+    def said(fig):
+        return [t.get_text() for t in fig.axes[0].texts if "times" in t.get_text()]
+
+    assert said(figures["fig14_fabric_tension"]) == []
+    # As if it had been pulled so far that the last state but one lies there.
+    factor = strain[step] / (100.0 * curve.strain.values[reached - 2])
+    longer = test.assign_coords(strain=test.strain * factor)
+    low = float(curve.force_per_width[reached - 2])
+    fig = draw("fig14_fabric_tension", datasets | {"equilibrium_course": longer})
+    assert said(fig) == [f"{high[step] / low:.0f} times"]
+
+
+@pytest.mark.parametrize("direction", ["course", "wale"])
+def test_contraction_of_the_equilibrium_model_is_that_of_the_file(direction, datasets, figures):
+    number = {"course": "07", "wale": "09"}[direction]
+    ax = figures[f"fig{number}_{direction}_contraction"].axes[1]
+    test = datasets[f"equilibrium_{direction}"]
+    for name in CONDITIONS:
+        strain, across, _ = loaded(test, name, "transverse_strain")
+        reached = np.isfinite(strain)
+        ((x, scale),) = lines_of(ax, label=f"equilibrium, {name}")
+        assert np.array_equal(x, strain[reached])
+        assert np.array_equal(scale, 1.0 + across[reached])
+        assert (x[0], scale[0]) == pytest.approx((0.0, 1.0), abs=1e-6)
+
+
+def test_fabric_of_both_models_at_the_same_strains(datasets, figures):
+    titles = np.array(
+        [ax.get_title() for ax in figures["fig13_fabric_under_tension"].axes]
+    ).reshape(4, 5)
+    for row, direction in ((1, "course"), (3, "wale")):
+        curve = datasets[f"equilibrium_{direction}"].sel(variant="sliding")
+        strain = 100.0 * curve.strain.values
+        for title in titles[row]:
+            assert title == "" or title.startswith(f"equilibrium\n{direction} ")
+        assert f"{direction} +0 %\n0 N/mm" in titles[row, 0]
+        last = np.nanargmax(strain)
+        assert f"{direction} {strain[last]:+.0f} %" in titles[row, 4]
+        assert f"{1e-3 * float(curve.force_per_width[last]):.2g} N/mm" in titles[row, 4]
+        # The kinematic test goes on to strains that the other one has not reached.
+        asked = [float(t.split(f"{direction} ")[1].split(" %")[0]) for t in titles[row - 1, 1:4]]
+        for title, value in zip(titles[row, 1:4], asked, strict=True):
+            near = np.nanmin(np.abs(strain - value)) < np.diff(strain[:2])[0]
+            assert bool(title) == near
+        assert any(titles[row, 1:4])
+        assert not all(titles[row, 1:4])
+
+
+def test_only_the_kinematic_model_is_drawn_without_the_other(datasets):
+    alone = {name: data for name, data in datasets.items() if name.startswith("tension")}
+    assert len(draw("fig13_fabric_under_tension", alone).axes) == 10
+    fig = draw("fig14_fabric_tension", alone)
+    assert [len(ax.child_axes) for ax in fig.axes[:2]] == [2, 2]
+    words = [text.get_text() for text in fig.legends[0].get_texts()]
+    assert not any("equilibrium" in text for text in words)
 
 
 def test_a_curve_is_called_what_it_is(datasets):
@@ -283,9 +451,10 @@ def test_results_without_positions_are_refused(datasets):
 
 
 def test_without_the_printed_reading_only_the_corrected_one_is_drawn(datasets):
-    kept = {name: data.sel(variant=["isometric"]) for name, data in datasets.items()}
+    kept = {name: data.sel(variant=["isometric"]) for name, data in datasets.items()
+            if name.startswith("tension")}  # fmt: skip
     fig = draw("fig06_course_deformation", kept)
     assert [ax.axison for ax in fig.axes[:3]] == [True, True, False]
     assert not [line for ax in fig.axes for line in ax.lines
                 if line.get_color() == style.COLOURS["printed"]]  # fmt: skip
-    assert len(draw("fig14_fabric_tension", kept).axes) == 4
+    assert len(draw("fig14_fabric_tension", kept).axes) == 2 + 4

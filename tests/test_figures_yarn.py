@@ -5,15 +5,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.patches import Polygon
 
 from knitsim.configuration.study import load_study
 from knitsim.errors import InputError
-from knitsim.figures import style, yarn_tension
+from knitsim.figures import catalogue, style, yarn_tension
 from knitsim.figures import yarn as figures
 from knitsim.stages import yarn as stage
 
-FIGURES = figures.FIGURES | yarn_tension.FIGURES
+FIGURES = {
+    figure.name: getattr(
+        {"yarn": figures, "yarn_tension": yarn_tension}[figure.module], figure.name
+    )
+    for figure in catalogue.FIGURES
+    if figure.of == "yarn"
+}
 CONFIG = Path(__file__).parents[1] / "config"
 UNIT = re.compile(r"\((mm|µm|%|°|N|cN/dtex|J/m)\)$")
 
@@ -66,11 +71,9 @@ def lines(ax, **wanted):
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_each_figure_is_the_same_twice_titled_and_has_units(name, polyester, tmp_path):
-    draw, needs = FIGURES[name]
-    assert needs == ("yarn",)
     written = []
     for run in ("first", "second"):
-        fig = draw(yarn=polyester)
+        fig = FIGURES[name](yarn=polyester)
         paths = style.save(fig, tmp_path / run / name)
         assert [path.name for path in paths] == [f"{name}.png", f"{name}.svg"]
         written.append([path.read_bytes() for path in paths])
@@ -84,15 +87,15 @@ def test_each_figure_is_the_same_twice_titled_and_has_units(name, polyester, tmp
 def test_section_shows_every_fibre_at_true_size(polyester):
     fig = figures.fig01_yarn_springs(polyester)
     ax = next(ax for ax in fig.axes if ax.get_xlabel() == "x (µm)")
-    outlines = [patch.get_xy()[:60] for patch in ax.patches if isinstance(patch, Polygon)]
-    x, y = np.moveaxis(np.array(outlines), -1, 0)
-    area = 0.5 * np.abs(np.sum(x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1), axis=1))
-    diameter = 2.0 * np.sqrt(area / np.pi)
-    # A polygon of 60 sides has 0.18 % less area than its circle.
-    assert diameter[0] == pytest.approx(1e6 * float(polyester["diameter"]), rel=2e-3)
-    assert diameter[1:] == pytest.approx(1e6 * float(polyester["fibre_diameter"]), rel=2e-3)
-    centres = np.array([xy.mean(0) for xy in outlines[1:]])
-    assert centres == pytest.approx(1e6 * polyester["fibre_position"].values, abs=0.2)
+    (outline,) = ax.patches
+    assert 2e-6 * outline.radius == pytest.approx(float(polyester["diameter"]))
+    assert outline.center == (0.0, 0.0)
+    (fibres,) = ax.collections
+    # In units of the axes, whose scales are equal, so the fibres are round.
+    assert fibres._units == "xy"
+    for size in (fibres.get_widths(), fibres.get_heights()):
+        assert 1e-6 * size == pytest.approx(float(polyester["fibre_diameter"]))
+    assert 1e-6 * fibres.get_offsets() == pytest.approx(polyester["fibre_position"].values)
     (springs,) = lines(ax, color=style.GREEN)
     drawn = {tuple(np.round(p, 6)) for p in springs.T.reshape(-1, 3, 2)[:, :2].reshape(-1, 4)}
     ends = 1e6 * polyester["fibre_position"].values[polyester["section_edge"].values]
@@ -271,7 +274,7 @@ def test_a_test_without_recovery_says_nothing_of_it(polyester):
 def test_a_yarn_of_one_fibre_draws(tmp_path):
     one = stage.run(load_study(CONFIG / "small").yarns["small"].with_value("fibres", 1))[0]
     assert one.sizes["fibre"] == 1
-    for draw, _ in FIGURES.values():
+    for draw in FIGURES.values():
         fig = draw(yarn=one)
         fig.canvas.draw()
         assert unlabelled(fig) == []

@@ -16,6 +16,7 @@ FILES = {
     "bending_wale": "bending/{subject}/kinematic_wale.nc",
     "equilibrium_course": "tensile/{subject}/equilibrium_course.nc",
     "equilibrium_wale": "tensile/{subject}/equilibrium_wale.nc",
+    "verification": "verification/cases.nc",
 }
 
 
@@ -23,8 +24,8 @@ FILES = {
 class Figure:
     """name: of the file and of the function in knitsim.figures.<module> that draws it.
 
-    group: drawn by one job.  of: yarn or fabric.  needs: files without which it is not drawn; takes:
-    files that it shows as well where they exist.
+    group: drawn by one job.  of: yarn, fabric or study.  needs: files without which it is not drawn;
+    takes: files that it shows as well where they exist.
     """
 
     name: str
@@ -62,7 +63,7 @@ FIGURES = (
     Figure("fig11_bending", "bending", "bending", "fabric", _BENT),
     Figure(
         "fig13_fabric_under_tension", "tension", "tension", "fabric", _BOTH,
-        ("relaxed", *_SOLVED),
+        _SOLVED,
     ),
     Figure(
         "fig14_fabric_tension", "tension", "tension", "fabric", _BOTH,
@@ -71,8 +72,9 @@ FIGURES = (
     Figure("fig15_relaxed_fabric", "equilibrium", "relaxed", "fabric", ("relaxed", "loop")),
     Figure(
         "fig16_equilibrium_tension", "equilibrium", "equilibrium_tension", "fabric",
-        ("relaxed", *_SOLVED),
+        _SOLVED,
     ),
+    Figure("fig17_verification", "verification", "verification", "study", ("verification",)),
 )  # fmt: skip
 
 GROUPS = tuple(dict.fromkeys(figure.group for figure in FIGURES))

@@ -1,21 +1,24 @@
 """Figure of the tensile test in the equilibrium model: forces, shape, energies and the fabric."""
 
+from textwrap import fill
+
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import EngFormatter, MaxNLocator
 
 from knitsim.figures import style
 from knitsim.figures.readings import (
     OTHER,
     draw_equilibrium,
-    equilibrium_style,
+    equilibrium_styles,
     residual_handle,
     runs,
     starting_spacings,
+    with_states,
 )
 from knitsim.figures.states import (
     GF_PER_CM,
@@ -43,38 +46,49 @@ ENERGY_COLOURS = {
 SMALLEST_OF_LARGEST = 0.01  # numerical_error is relative to no less than that of the largest force
 
 
-def fig16_equilibrium_tension(relaxed, equilibrium_course, equilibrium_wale):
+def fig16_equilibrium_tension(equilibrium_course, equilibrium_wale):
     """Load and extension with its error, contraction, energies and fabric, in both directions."""
-    tests = {"course": equilibrium_course, "wale": equilibrium_wale}
+    given = {"course": equilibrium_course, "wale": equilibrium_wale}
+    ended = [f"{direction} pull, ended early: {test.attrs['stop_reason']}"
+             for direction, test in given.items() if test.attrs["stop_reason"]]  # fmt: skip
+    tests = {
+        direction: with_states(test)
+        for direction, test in given.items() if with_states(test) is not None
+    }  # fmt: skip
     fig = style.page(height_mm=232.0)
-    curves, energies, fabrics = fig.add_gridspec(3, 1, height_ratios=[2.4, 1.0, 0.75])
     heading(
         fig,
         f"Fig. 16  Fabric {fabric_name(equilibrium_course)} under tension in the equilibrium model:"
         " course (above) and wale",
     )
-    grid = curves.subgridspec(2, 4).subplots()
-    for row, (direction, test), letters in zip(grid, tests.items(), ("abcd", "efgh"), strict=True):
-        _curves(row, relaxed, test, direction, letters)
+    if ended:
+        fig.supxlabel("\n".join(fill(text, 120) for text in ended), fontsize=7)
+    if not tests:
+        return fig
+    curves, energies, fabrics = fig.add_gridspec(3, 1, height_ratios=[2.4, 1.0, 0.75])
+    grid = curves.subgridspec(len(tests), 4).subplots(squeeze=False)
+    for row, (direction, test), letters in zip(grid, tests.items(), ("abcd", "efgh"), strict=False):
+        _curves(row, test, direction, letters)
     panels = [(d, test, name) for d, test in tests.items() for name in _told_apart(test)]
     row = energies.subgridspec(1, len(panels)).subplots(squeeze=False)[0]
     for ax, (direction, test, name), key in zip(row, panels, "ijkl", strict=False):
-        _energies(ax, relaxed, test.sel(variant=name))
+        curve = test.sel(variant=name)
+        _energies(ax, curve)
+        if _is_recovered(curve):
+            _say_left_over(ax, curve)
         ax.set_xlabel(f"{direction} strain (%)")
-        ax.set_ylabel("energy per loop (µJ)" if ax is row[0] else "")
+        ax.set_ylabel("energy per loop (J)" if ax is row[0] else "")
         letter(ax, f"({key}) {name}")
-        if _is_recovered(test.sel(variant=name)):
-            _say_left_over(ax, test.sel(variant=name))
     _fabrics(fig, fabrics, tests)
     handles = {
-        _condition(name, choices): Line2D([], [], **equilibrium_style(choices))
-        for name, choices in readings(equilibrium_course).items()
-    }
-    handles |= {
+        _condition(name, readings(test)[name]): Line2D([], [], **look)
+        for test in tests.values() for name, look in equilibrium_styles(test).items()
+    } | {
         "loading": Line2D([], [], color=style.GREY, linestyle=style.LINES["loading"]),
         "recovery": Line2D([], [], color=style.GREY, linestyle=style.LINES["recovery"]),
         "estimated numerical error": Patch(color=style.GREY, alpha=0.35, linewidth=0),
-    } | residual_handle()
+    }  # fmt: skip
+    handles |= residual_handle()
     handles |= {name: Patch(color=colour) for name, colour in ENERGY_COLOURS.items()}
     handles["work done, from the energy at rest"] = Line2D([], [], color="black", linestyle=":")
     fig.legend(handles.values(), handles, loc="outside lower center", ncols=3)
@@ -82,17 +96,21 @@ def fig16_equilibrium_tension(relaxed, equilibrium_course, equilibrium_wale):
 
 
 def _condition(name, choices):
-    across = "free" if choices["lateral"] == "free" else choices["lateral"]
-    return f"{name}: {'with' if choices['friction'] else 'no'} friction, width {across}"
+    """A condition by its name, and in words."""
+    width = {"loaded": f"under {from_si(choices['lateral_load'], N_PER_MM):.3g} N/mm"}
+    return (
+        f"{name}: {'with' if choices['friction'] else 'no'} friction,"
+        f" width {width.get(choices['lateral'], choices['lateral'])}"
+    )
 
 
-def _curves(row, relaxed, test, direction, letters):
+def _curves(row, test, direction, letters):
     """Load and extension, whole and small forces; contraction; how close the yarns come."""
     force = from_si(test.force_per_width, N_PER_MM)
     for ax in row[:2]:
-        for name, choices in readings(test).items():
-            _error_band(ax, test.sel(variant=name), equilibrium_style(choices)["color"])
-        draw_equilibrium(ax, test, force, start=0.0, residual=ax is row[1])
+        for name, look in equilibrium_styles(test).items():
+            _error_band(ax, test.sel(variant=name), look["color"])
+        draw_equilibrium(ax, test, force, residual=ax is row[1])
         ax.set_ylim(bottom=0.0)
         side = ax.secondary_yaxis(
             "right",
@@ -104,9 +122,9 @@ def _curves(row, relaxed, test, direction, letters):
     row[0].set_ylabel("force per width (N/mm)")
     side.set_ylabel("force per width (gf/cm)")
     _show_small(row[1], test, force)
-    draw_equilibrium(row[2], test, from_si(test.transverse_strain, PERCENT), start=0.0)
+    draw_equilibrium(row[2], test, from_si(test.transverse_strain, PERCENT))
     row[2].set_ylabel(f"strain along the {OTHER[direction]} (%)")
-    draw_equilibrium(row[3], test, test.min_distance, start=float(relaxed.min_distance))
+    draw_equilibrium(row[3], test, test.min_distance)
     row[3].axhline(1.0, color=style.GREY, linewidth=0.8, linestyle=":")
     row[3].set_ylabel("closest centre lines (diameters)")
     titles = ("load", "small loads", "contraction", "closest yarns")
@@ -147,14 +165,14 @@ def _show_small(ax, test, force):
 
 
 def _say_left_over(ax, curve):
-    """What the recovery leaves of the strain and what the cycle takes of the work."""
-    (_, up), *_, (_, down) = runs(curve)
+    """What the first recovery leaves of the strain, and its cycle takes of the work."""
+    (_, up), (_, down) = runs(curve)[:2]
     lost = from_si(float(curve.dissipated[down[-1]] / curve.work[up[-1]]), PERCENT)
     left = from_si(float(curve.strain[down[-1]]), PERCENT)
     ax.annotate(
         f"strain left {left:.1f} %\nwork lost {lost:.0f} %", (0.05, 0.06), xycoords="axes fraction",
         fontsize=7,
-    )
+    )  # fmt: skip
 
 
 def _told_apart(test):
@@ -164,31 +182,29 @@ def _told_apart(test):
     return list(dict.fromkeys([next(iter(found)), *rough[:1]]))
 
 
-def _energies(ax, relaxed, curve):
-    """Energies of a loop stacked over loading and, beyond it, recovery; the work as a line."""
-    found = runs(curve)
+def _energies(ax, curve):
+    """Energies of a loop stacked over the first loading and recovery; the work as a line."""
+    found = runs(curve)[:2]
     states = np.concatenate([found[0][1], *(part[1:] for _, part in found[1:])])
-    strain = from_si(np.append(0.0, curve.strain.values[states]), PERCENT)
-    path = np.append(0.0, np.cumsum(np.abs(np.diff(strain))))
-    at_rest = relaxed.energy
-    parts = {
-        term: np.append(float(at_rest.sel(term=term)), curve.energy.sel(term=term).values[states])
-        for term in ("bend", "contact", "stretch")
-    }
-    lost = np.append(0.0, curve.dissipated.values[states])
+    strain = from_si(curve.strain.values[states], PERCENT)
+    path = strain[0] + np.append(0.0, np.cumsum(np.abs(np.diff(strain))))
+    energy = curve.energy.sel(term=["bend", "contact", "stretch"]).values[states].T
+    parts = dict(zip(("bend", "contact", "stretch"), energy, strict=True))
+    lost = curve.dissipated.values[states]
     if lost.any():
         parts["lost to friction"] = lost
-    work = float(at_rest.sum()) + np.append(0.0, curve.work.values[states])
-    micro = 1e6  # J to µJ
+    total, work = energy.sum(0) + lost, curve.work.values[states]
+    work = total[0] - work[0] + work
     ax.stackplot(
-        path, *(micro * values for values in parts.values()), linewidth=0,
+        path, *parts.values(), linewidth=0,
         colors=[ENERGY_COLOURS[name] for name in parts],
     )  # fmt: skip
-    ax.plot(path, micro * work, ":", color="black")
+    ax.plot(path, work, ":", color="black")
     ax.set_xlim(0.0, path[-1])
-    ax.set_ylim(0.0, 1.08 * micro * max(work.max(), sum(parts.values()).max()))
+    ax.set_ylim(0.0, 1.08 * max(work.max(), total.max()))
+    ax.yaxis.set_major_formatter(EngFormatter(sep=""))  # 50µ
     if len(found) > 1:  # out and back: the axis goes on, its numbers turn round
-        turn = path[found[0][1].size]
+        turn = path[found[0][1].size - 1]
         ax.axvline(turn, color=style.GREY, linewidth=0.6)
         ticks = MaxNLocator(3).tick_values(0.0, turn)
         ticks = ticks[(ticks >= 0) & (ticks <= turn)]
@@ -223,8 +239,10 @@ def _fabrics(fig, place, tests):
             drawn.append((direction, thinned(curve.isel(step=step))))
     bent = [curvature(state.centreline.values) for _, state in drawn]
     scale = Normalize(0.0, from_si(max(values.max() for values in bent), PER_CM))
-    *axes, bar = place.subgridspec(1, 7, width_ratios=[1.0] * 6 + [0.08]).subplots()
-    reach = np.array(starting_spacings(tests["course"], "course")) * [1.5, 2.0]
+    count = len(drawn)
+    *axes, bar = place.subgridspec(1, count + 1, width_ratios=[1.0] * count + [0.08]).subplots()
+    direction, test = next(iter(tests.items()))
+    reach = np.array(starting_spacings(test, direction)) * [1.5, 2.0]
     window = (-reach[0], reach[0], -reach[1], reach[1])
     colours = colormaps[style.TENSION_MAP]
     for ax, (direction, state), values in zip(axes, drawn, bent, strict=True):

@@ -342,8 +342,8 @@ def readme_picture(loop):
         size = (from_si(n / style.DPI * INCH, "mm") for n in (columns, rows))
         fig, axes = style.figure(*size)
         axes[0, 0].remove()
-        # On white, and in steps of four in 256, which are not seen and halve the file.
+        # On white, and in steps of eight in 256, which are not seen and halve the file.
         alpha = picture[..., 3:] / 255.0
         opaque = picture[..., :3] * alpha + 255.0 * (1.0 - alpha)
-        fig.figimage(opaque.astype(np.uint8) & 0b11111100 | 0b11)
+        fig.figimage(opaque.astype(np.uint8) & 0b11111000 | 0b111)
     return fig

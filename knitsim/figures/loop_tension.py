@@ -24,6 +24,7 @@ from knitsim.figures.readings import (
     starting_texts,
     state_text,
     step_at_share,
+    with_states,
 )
 from knitsim.figures.states import (
     MM,
@@ -206,7 +207,7 @@ def _deformation(tension, direction, number):
 
 def _contraction(tension, direction, number, equilibrium):
     """Figs 7 and 9: how a section moves along and across the pull, and the contraction laws."""
-    tension = with_centreline(tension)
+    tension, equilibrium = with_centreline(tension), with_states(equilibrium)
     corrected, _ = reference_and_printed(tension)
     along, across = AXES[direction], AXES[OTHER[direction]]
     shown = contractions(tension)
@@ -245,11 +246,9 @@ def _contraction(tension, direction, number, equilibrium):
             f"half the {'height' if direction == 'course' else 'wale spacing'}"
             if choices["limit"] == "half" else "one course spacing shorter"
         )  # fmt: skip
-        ax.annotate(
-            text, (0, limit), (2, -2), textcoords="offset points", va="top", fontsize=6.5
-        )
+        ax.annotate(text, (0, limit), (2, -2), textcoords="offset points", va="top", fontsize=6.5)
     if equilibrium is not None:
-        draw_equilibrium(ax, equilibrium, 1.0 + equilibrium.transverse_strain, start=1.0)
+        draw_equilibrium(ax, equilibrium, 1.0 + equilibrium.transverse_strain)
     ax.set_ylim(0.0, 1.05)
     ax.set_ylabel(f"scale along the {OTHER[direction]} (1)")
     spacing_axes(ax, direction, tension, equilibrium)

@@ -22,6 +22,7 @@ from knitsim.units import from_si, to_si
 OTHER = {"course": "wale", "wale": "course"}
 BREAK_COLOUR = style.VERMILION
 PRINTED_LINE = (0, (5, 1.5))
+THICK, THIN = 1.4, 0.7
 # Shades of the equilibrium model's colour by friction and whether the width is free to follow.
 EQUILIBRIUM_COLOURS = {
     (False, True): COLOURS["equilibrium"],
@@ -110,9 +111,17 @@ def step_at_share(tension, share):
     return state_at(tension, "strain", share * tension.strain.values.max())
 
 
-def equilibrium_style(choices):
-    """Colour of a condition of the equilibrium model: dark with friction, pale if held across."""
-    return {"color": EQUILIBRIUM_COLOURS[choices["friction"], choices["lateral"] == "free"]}
+def equilibrium_styles(dataset):
+    """{variant: look} of a test in equilibrium: dark with friction, pale if held across.
+
+    Variants that differ in how far they are pulled only share a colour; all but the first are thin.
+    """
+    looks = {}
+    for name, choices in readings(dataset).items():
+        colour = EQUILIBRIUM_COLOURS[choices["friction"], choices["lateral"] == "free"]
+        again = any(look["color"] == colour for look in looks.values())
+        looks[name] = {"color": colour, "linewidth": THIN if again else THICK}
+    return looks
 
 
 def runs(curve):
@@ -131,8 +140,19 @@ def runs(curve):
     return found
 
 
+def with_states(equilibrium):
+    """The test with the variants that reached any state; None without one, or without a test."""
+    if equilibrium is None:
+        return None
+    reached = [name for name in readings(equilibrium) if runs(equilibrium.sel(variant=name))]
+    return equilibrium.sel(variant=reached) if reached else None
+
+
 def starting_spacings(equilibrium, direction):
-    """(wale, course) spacing (m) of the state from which the equilibrium test starts: strain 0."""
+    """(wale, course) spacing (m) at strain 0, where the test in equilibrium starts.
+
+    From any state, since under a load across the pull none of strain 0 is stored.
+    """
     first = equilibrium.stack(state=("variant", "step")).dropna("state", subset=["wale_spacing"])
     first = first.isel(state=0)
     spacing = {name: float(first[f"{name}_spacing"]) for name in OTHER}
@@ -181,22 +201,19 @@ def spacing_axes(ax, direction, tension, equilibrium):
         side.spines["top"].set(visible=True, color=colour)
 
 
-def draw_equilibrium(ax, dataset, values, *, start=None, residual=False, label="equilibrium, {}"):
+def draw_equilibrium(ax, dataset, values, *, residual=False):
     """Values (variant, step) of the equilibrium model against strain, loading and recovery.
 
     Each variant has its own states; those that were not reached hold no numbers, those beyond the
-    breaking strain are dotted.  start: value at strain 0, which the file does not hold.  residual:
-    mark the strain that is left when the force is gone.
+    breaking strain are dotted.  residual: mark the strain that is left when the force is gone.
     """
-    for name, choices in readings(dataset).items():
+    for name, look in equilibrium_styles(dataset).items():
         curve, y = dataset.sel(variant=name), values.sel(variant=name).values
         strain = from_si(curve.strain.values, PERCENT)
-        look, said = equilibrium_style(choices), label.format(name)
-        for k, (phase, states) in enumerate(runs(curve)):
+        said = f"equilibrium, {name}"
+        for phase, states in runs(curve):
             x, shown = strain[states], y[states]
             beyond = curve.status.values[states] == BEYOND_BREAK
-            if k == 0 and start is not None:
-                x, shown, beyond = np.append(0.0, x), np.append(start, shown), np.append(0, beyond)
             ax.plot(x, np.where(beyond, np.nan, shown), LINES[phase], label=said, **look)
             if beyond.any():
                 ax.plot(x, np.where(beyond, shown, np.nan), ":", **look)

@@ -113,9 +113,7 @@ def _draw_density(axes, relaxed):
                 lengths / d, values, color=shades[k % len(shades)], marker="os^v"[k % 4], markersize=3,
                 label=f"equilibrium, {from_si(fraction, 'percent'):.0f} % of the curvature set",
             )  # fmt: skip
-    tight = constants(
-        PEIRCE_TIGHT["length"], PEIRCE_TIGHT["wale"], PEIRCE_TIGHT["course"], 1.0
-    )
+    tight = constants(PEIRCE_TIGHT["length"], PEIRCE_TIGHT["wale"], PEIRCE_TIGHT["course"], 1.0)
     spacings = {
         ("this fabric as stated", "black", "D"): ("stated_wale_spacing", "stated_course_spacing"),
         ("this fabric at rest", style.COLOURS["equilibrium"], "D"): ("wale_spacing", "course_spacing"),

@@ -111,7 +111,7 @@ def _lay_out(fig):
     The solver's last bits vary from run to run, and names inside an SVG file hang on every bit.
     """
     engine = fig.get_layout_engine()
-    if engine is None:
+    if engine is None or not fig.axes:
         return
     engine.execute(fig)
     # With any engine left, even one that does nothing, each file would be drawn twice.

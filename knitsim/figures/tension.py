@@ -20,13 +20,13 @@ from knitsim.figures.readings import (
     spacing_axes,
     starting_texts,
     step_at_share,
+    with_states,
 )
 from knitsim.figures.states import (
     BEYOND_BREAK,
     GF_PER_CM,
     N_PER_MM,
     PERCENT,
-    VALID,
     breaking_strain,
     fabric_name,
     heading,
@@ -45,17 +45,18 @@ from knitsim.units import from_si, to_si
 
 
 def fig13_fabric_under_tension(
-    tension_course, tension_wale, relaxed=None, equilibrium_course=None, equilibrium_wale=None
+    tension_course, tension_wale, equilibrium_course=None, equilibrium_wale=None
 ):
     """Fabric at rest and under tension, both directions and models, to one scale."""
     tests = {
-        "course": (tension_course, equilibrium_course), "wale": (tension_wale, equilibrium_wale)
-    }  # fmt: skip
+        "course": (tension_course, with_states(equilibrium_course)),
+        "wale": (tension_wale, with_states(equilibrium_wale)),
+    }
     rows = []
     for direction, (tension, equilibrium) in tests.items():
         rows.append((direction, _kinematic_row(tension)))
         if equilibrium is not None:
-            rows.append((direction, _equilibrium_row(tension, relaxed, equilibrium)))
+            rows.append((direction, _equilibrium_row(tension, equilibrium)))
     both = len(rows) > len(tests)
     fig, axes = style.figure(
         height_mm=20.0 + 45.0 * len(rows), rows=len(rows),
@@ -110,18 +111,16 @@ def _kinematic_row(tension):
     return row
 
 
-def _equilibrium_row(tension, relaxed, equilibrium):
-    """As :func:`_kinematic_row`: at rest, at the same strains as far as stored, and the last state.
+def _equilibrium_row(tension, equilibrium):
+    """As :func:`_kinematic_row`: at the same strains as far as they are stored, and the last state.
 
     A state is None where the reference condition holds none within one of its steps.
     """
     curve = with_centreline(equilibrium).isel(variant=0)
     stored = runs(curve)[0][1]
     strain = curve.strain.values[stored]
-    states = [None]
-    if relaxed is not None:
-        states = [relaxed.assign(strain=0.0, force_per_width=0.0, status=VALID)]
-    for k in range(1, 4):
+    states = []
+    for k in range(4):
         away = np.abs(strain - float(tension.strain[step_at_share(tension, k / 3)]))
         near = away.min() < np.diff(strain, prepend=0.0).max()
         states.append(curve.isel(step=stored[np.argmin(away)]) if near else None)
@@ -136,10 +135,9 @@ def _piece_text(model, state, direction):
         model + (", beyond break" if is_beyond_break(state) else ""),
         f"{direction} {from_si(float(state.strain), PERCENT):+.0f} %",
         f"{'0' if abs(force) < 1e-9 else f'{force:.2g}'} N/mm",
+        f"yarn {percent_text(float(state.yarn_strain))} %",
         f"closest {float(state.min_distance):.2f} d",
     ]
-    if "yarn_strain" in state:
-        lines.insert(3, f"yarn {percent_text(float(state.yarn_strain))} %")
     return "\n".join(lines)
 
 
@@ -163,8 +161,9 @@ def fig14_fabric_tension(
 ):
     """Tension against strain, loading and recovery: both models, then every kinematic reading."""
     tests = {
-        "course": (tension_course, equilibrium_course), "wale": (tension_wale, equilibrium_wale)
-    }  # fmt: skip
+        "course": (tension_course, with_states(equilibrium_course)),
+        "wale": (tension_wale, with_states(equilibrium_wale)),
+    }
     groups = {d: _force_groups(tension) for d, (tension, _) in tests.items()}
     titles = list(dict.fromkeys(title for found in groups.values() for title in found))
     fig = style.page(height_mm=252.0)
@@ -222,7 +221,9 @@ def _both_models(ax, direction, tension, equilibrium, names):
     for name in names:
         curve = tension.sel(variant=name)
         force = from_si(curve.force_per_width.values, N_PER_MM)
-        plot_loading(ax, curve, force, label=reading_label(found[name]), **reading_style(found[name]))
+        plot_loading(
+            ax, curve, force, label=reading_label(found[name]), **reading_style(found[name])
+        )
     if equilibrium is not None:
         draw_equilibrium(
             ax, equilibrium, from_si(equilibrium.force_per_width, N_PER_MM), residual=True

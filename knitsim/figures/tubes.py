@@ -302,9 +302,7 @@ def _shadow_map(nodes, starts, light):
     seen = nodes[:, :3] @ basis.T
     radii = nodes[:, kernels.RADIUS]
     low, high = seen.min(0) - radii.max(), seen.max(0) + radii.max()
-    scale = min(
-        MAP_RESOLUTION / radii.min(), FINEST_MAP, LARGEST_MAP / (high - low)[:2].max()
-    )
+    scale = min(MAP_RESOLUTION / radii.min(), FINEST_MAP, LARGEST_MAP / (high - low)[:2].max())
     low -= MAP_MARGIN / scale
     columns, rows = (int(n) for n in np.ceil((high - low)[:2] * scale) + MAP_MARGIN)
     shadow, _ = _z_buffer((seen - low) * scale, nodes, starts, rows, columns, scale)

@@ -3,8 +3,10 @@ successive sections (Fig. 2).
 """
 
 import numpy as np
+from matplotlib.collections import EllipseCollection
 from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import style
@@ -184,16 +186,20 @@ def _draw_springs(ax, yarn, marked):
 
 def _draw_section(ax, yarn, marked):
     positions = from_si(yarn["fibre_position"].values, "um")
-    radius = 0.5 * from_si(float(yarn["fibre_diameter"]), "um")
-    around = np.linspace(0.0, 2.0 * np.pi, 61)
-    disc = radius * np.stack([np.cos(around), np.sin(around)], axis=-1)
     yarn_radius = 0.5 * from_si(float(yarn["diameter"]), "um")
-    ax.fill(
-        *(yarn_radius / radius * disc).T, facecolor="#F3F1EC", edgecolor=style.GREY, linewidth=0.8
+    ax.add_patch(
+        Circle((0.0, 0.0), yarn_radius, facecolor="#F3F1EC", edgecolor=style.GREY, linewidth=0.8)
     )
-    for k, centre in enumerate(positions):
-        colour = style.YARN_COLOURS["marked"] if k in marked else "#D9CFBC"
-        ax.fill(*(centre + disc).T, facecolor=colour, edgecolor="#6B6255", linewidth=0.4)
+    size = np.full(len(positions), from_si(float(yarn["fibre_diameter"]), "um"))
+    ax.add_collection(
+        EllipseCollection(
+            size, size, np.zeros(len(positions)), units="xy", offsets=positions,
+            offset_transform=ax.transData, edgecolor="#6B6255", linewidth=0.4,
+            facecolor=[style.YARN_COLOURS["marked"] if k in marked else "#D9CFBC"
+                       for k in range(len(positions))],
+        ),
+        autolim=False,
+    )  # fmt: skip
     lines = np.insert(positions[yarn["section_edge"].values], 2, np.nan, axis=1).reshape(-1, 2)
     ax.plot(*lines.T, color=style.GREEN, linewidth=0.5)
     ax.plot(*positions.T, "o", color=style.BLACK, markersize=1.3, markeredgewidth=0)
