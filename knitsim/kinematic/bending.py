@@ -23,8 +23,8 @@ class BendingCurve:
 
     curvature (1/m); recovery (bool): the curvature moves towards 0.  yarn_length (m), yarn_strain (1),
     yarn_tension (N), energy (J per loop, stretch), moment_per_width (N, derivative of the energy per
-    area by the curvature), beyond_breaking_strain (bool).  The printed form gives positions only: its forces are
-    not a number, because a position of eqs (6)-(11) does not depend on the thickness coordinate.
+    area by the curvature), beyond_breaking_strain (bool).  The printed form gives positions only: its
+    forces are not a number, as a position of eqs (6)-(11) does not depend on the thickness coordinate.
     """
 
     direction: str

@@ -57,6 +57,8 @@ def _effects(files):
     found = {}
     for file in map(Path, files):
         with xr.open_dataset(file, engine="netcdf4") as dataset:
+            if "quantity" not in dataset.coords:
+                continue
             name = json.loads(dataset.attrs["configuration"])["name"]
             names = [_test_of(file) + str(q).replace("_", " ") for q in dataset["quantity"].values]
             effects, refusals = dataset["assumption_effect"].values, dataset["refused"].values
