@@ -10,6 +10,7 @@ runs.
 import functools
 
 import numba
+from numba.core import event
 
 from knitsim.files import cache_root
 from knitsim.provenance import kernel_hash
@@ -19,3 +20,11 @@ numba.config.CACHE_DIR = str(CACHE_DIR)
 
 # No fastmath: it would let a NaN pass the checks that must catch it.
 njit = functools.partial(numba.njit, cache=True, error_model="numpy")
+
+
+def compilation_timer():
+    """Context manager that yields a listener: ``done``, and ``duration`` (s) of what was compiled.
+
+    Nested compilations count once, as the outermost.
+    """
+    return event.install_listener("numba:compile", event.TimingListener())

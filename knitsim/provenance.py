@@ -6,9 +6,13 @@ Nothing here imports the modules that it hashes: the Snakefile calls it and must
 import ast
 import functools
 import hashlib
+import re
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parent
+_STATEMENT = re.compile(
+    r"^[ \t]*(from[ \t]+[\w.]+[ \t]+import[ \t]+(?:\([^)]*\)|[^\n]+)|import[ \t]+[^\n]+)", re.MULTILINE
+)
 
 
 @functools.cache
@@ -24,11 +28,20 @@ def _path(module):
     return None
 
 
+def _import_statements(source):
+    """The import statements of a source; only these are parsed, since every job comes here."""
+    for text in _STATEMENT.findall(source):
+        try:
+            yield from ast.parse(text).body
+        except SyntaxError:
+            continue  # a line of prose that begins with "from" or "import"
+
+
 @functools.cache
 def _imports(module):
     """The knitsim modules that one module names in its import statements, at any depth in it."""
     found = set()
-    for node in ast.walk(ast.parse(_path(module).read_bytes())):
+    for node in _import_statements(_path(module).read_text(encoding="utf-8")):
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]

@@ -3,10 +3,8 @@
 Two cold jobs side by side would both compile; after this one every job finds compiled kernels.
 """
 
-import time
-
-import numpy as np
-
+from knitsim.files import cache_root, replacing
+from knitsim.provenance import kernel_hash
 from knitsim.store.timing import Timings
 
 PARTS = ("yarn", "fabric", "equilibrium", "figures")
@@ -42,6 +40,8 @@ def _equilibrium(study):
 
 
 def _figures(study):
+    import numpy as np
+
     from knitsim.figures.tubes import render_tubes
 
     render_tubes([np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0]])], 1e-4, "#808080", pixel=2e-5)
@@ -50,29 +50,27 @@ def _figures(study):
 _RUNS = dict(zip(PARTS, (_yarn, _fabric, _equilibrium, _figures), strict=True))
 
 
-def _compiled(cache):
-    """Number of compiled kernels in the cache directory."""
-    return len(list(cache.rglob("*.nbc")))
+def marker(part):
+    """File that says, beside the compiled kernels, how long ``part`` took to compile."""
+    return cache_root() / f"numba-{kernel_hash()}" / f"compiled-{part}"
 
 
 def run(part, study):
-    """Timings of ``part`` (one of PARTS) on a small Study: compilation, told apart from the run itself.
+    """Timings of the compilation of ``part`` (one of PARTS), by running it on a small Study.
 
-    Where an earlier run has left compiled kernels, the time to load them with one run.
+    Where an earlier run has compiled these very kernels nothing is run: its time stands, so noted.
     """
-    from knitsim.jit import CACHE_DIR
-
     timings = Timings("compile", part)
-    before = _compiled(CACHE_DIR)
-    start = time.perf_counter()
-    _RUNS[part](study)
-    first = time.perf_counter() - start
-    compiled = _compiled(CACHE_DIR) - before
-    if not compiled:
-        timings.add("loading the kernels, and one small run", first, note="none compiled")
+    done = marker(part)
+    if done.exists():
+        timings.add("compilation", float(done.read_text()), note="by an earlier run")
         return timings
-    start = time.perf_counter()
-    _RUNS[part](study)
-    second = time.perf_counter() - start
-    timings.add("compilation", first - second, note=f"{compiled} kernels")
+    from knitsim.jit import compilation_timer
+
+    with compilation_timer() as timer:
+        _RUNS[part](study)
+    seconds = timer.duration if timer.done else 0.0
+    with replacing(done) as partial:
+        partial.write_text(f"{seconds:.6g}")
+    timings.add("compilation", seconds)
     return timings

@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from knitsim.configuration.curve_file import read_curve
 from knitsim.errors import InputError
@@ -74,7 +74,7 @@ def fit_barrier(distance, force, diameter, where="compression"):
         raise InputError(where, f"stiffness {stiffness:.4g} N/m", "the force must rise as it thins")
     misfit = force - stiffness * shape
     freedom = force.size - 1
-    error = math.sqrt(misfit @ misfit / freedom / (shape @ shape)) * student.ppf(0.975, freedom)
+    error = math.sqrt(misfit @ misfit / freedom / (shape @ shape)) * stdtrit(freedom, 0.975)
     rms = math.sqrt(misfit @ misfit / force.size) / force.max()
     return CompressionFit(stiffness, stiffness - error, stiffness + error, rms, force.size)
 

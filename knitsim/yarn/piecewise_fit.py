@@ -14,7 +14,7 @@ those of its own strain.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import optimize, special
 
 # Free parameters of each onset, simplest first.  ratio is the smaller slope over the larger; span
 # is v - e0; toe is w/span, at most 0.9, since the line between toe and kink gives its slope.
@@ -290,5 +290,5 @@ def fits(strain, force, falling, onsets=tuple(ONSETS)):
 
 def half_width(found, gradient, level=0.95):
     """Half the confidence interval of a function of a Fit's constants, from its gradient (5,)."""
-    quantile = stats.t.ppf(0.5 + level / 2, found.degrees_of_freedom)
+    quantile = special.stdtrit(found.degrees_of_freedom, 0.5 + level / 2)
     return float(quantile * np.sqrt(max(gradient @ found.covariance @ gradient, 0.0)))

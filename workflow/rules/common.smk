@@ -12,6 +12,7 @@ from knitsim.errors import InputError
 from knitsim.figures import catalogue
 from knitsim.files import cache_root
 from knitsim.provenance import kernel_hash, source_hash
+from knitsim.stages.compile import marker
 
 # One thread a job: -c says how many jobs run side by side.
 for library in ("OMP", "MKL", "OPENBLAS", "NUMBA"):
@@ -51,6 +52,8 @@ except InputError as error:
 
 # Longest compilation first.
 PARTS = ("equilibrium", "figures", "yarn", "fabric")
+# The chain through the equilibrium tests is the longest: first, but after its own compilation.
+EQUILIBRIUM_PRIORITY = 1 if marker("equilibrium").exists() else -1
 UNDIRECTED_TESTS = ("equilibrium_rest", "equilibrium_shear")
 FABRIC_TESTS = ("kinematic_tension", "kinematic_bending", "equilibrium_tension")
 

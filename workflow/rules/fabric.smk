@@ -25,6 +25,8 @@ rule kinematic_tension:
     params:
         inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "kinematic_tension"),
         source=source_hash("knitsim.stages.kinematic_tension"),
+    # The figures of tension, the longest to draw, wait for it.
+    priority: 1
     script:
         "../scripts/fabric_test.py"
 
@@ -56,8 +58,7 @@ rule equilibrium_rest:
     params:
         inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "equilibrium_rest"),
         source=source_hash("knitsim.stages.equilibrium_rest"),
-    # Last, when its long compilation is done.
-    priority: -1
+    priority: EQUILIBRIUM_PRIORITY
     script:
         "../scripts/fabric_test.py"
 
@@ -74,8 +75,7 @@ rule equilibrium_tension:
     params:
         inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "equilibrium_tension"),
         source=source_hash("knitsim.stages.equilibrium_tension"),
-    # Last, when its long compilation is done.
-    priority: -1
+    priority: EQUILIBRIUM_PRIORITY
     script:
         "../scripts/fabric_test.py"
 
@@ -92,7 +92,6 @@ rule equilibrium_shear:
     params:
         inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "equilibrium_shear"),
         source=source_hash("knitsim.stages.equilibrium_shear"),
-    # Last, when its long compilation is done.
-    priority: -1
+    priority: EQUILIBRIUM_PRIORITY
     script:
         "../scripts/fabric_test.py"

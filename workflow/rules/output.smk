@@ -8,6 +8,7 @@ rule tables:
             timings_of(name)
             for name in [
                 *(f"compile_{part}" for part in PARTS),
+                "verification",
                 *(f"yarn_{yarn}" for yarn in STUDY.yarns),
                 *(f"loop_{fabric}" for fabric in FABRICS_WITH_LOOP),
                 *(
@@ -89,5 +90,7 @@ for group in catalogue.GROUPS:
                     of=of,
                     suffix=suffix,
                     source=source_hash("knitsim.figures.draw", *catalogue.modules(group)),
+                # The longest to draw.
+                priority: 2 if group == "tension" else 0
                 script:
                     "../scripts/figures.py"

@@ -11,7 +11,7 @@ rule verification:
     params:
         source=source_hash("knitsim.stages.verification"),
     # Last, when the long compilation of the equilibrium is done.
-    priority: -1
+    priority: EQUILIBRIUM_PRIORITY
     script:
         "../scripts/verification.py"
 

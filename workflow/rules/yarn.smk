@@ -12,5 +12,7 @@ rule yarn:
     params:
         inputs=lambda wildcards: inputs_of("yarns", wildcards.yarn, "yarn"),
         source=source_hash("knitsim.stages.yarn"),
+    # Every test of a fabric waits for its yarn.
+    priority: 2
     script:
         "../scripts/yarn.py"
