@@ -1,5 +1,6 @@
 """Writing files whole or not at all, so that a killed run leaves no half-written result."""
 
+import glob
 import os
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +14,9 @@ def replacing(path):
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
+    # What a killed writer of this file has left; no two jobs write the same file.
+    for left in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
+        left.unlink(missing_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         yield partial

@@ -384,3 +384,16 @@ def test_scalar_table_names_variants_and_quantities_with_their_units(tmp_path):
 def test_scalar_table_of_nothing_has_its_columns(tmp_path):
     table = scalar_table(tmp_path)
     assert len(table) == 0 and {"kind", "name", "value", "units"} <= set(table.columns)
+
+
+def test_what_a_killed_writer_left_is_cleared(tmp_path):
+    from knitsim.files import replacing
+
+    left = tmp_path / ".a=1,b.nc.12345.part"
+    other = tmp_path / ".a=2,b.nc.12345.part"
+    left.write_text("half")
+    other.write_text("half of another")
+    with replacing(tmp_path / "a=1,b.nc") as partial:
+        partial.write_text("whole")
+    assert (tmp_path / "a=1,b.nc").read_text() == "whole"
+    assert not left.exists() and other.exists()

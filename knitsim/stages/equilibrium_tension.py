@@ -46,17 +46,20 @@ def _solve(fabric, law, choice, direction):
 
 
 def headlines(fabric, direction):
-    """{name: (value, units)} of the reference condition that the ledger follows."""
+    """{name: (value, units)} that the ledger follows: of the reference condition, and with friction."""
     law = ledger_laws(fabric.yarn)["continuous"]
-    choice = next(iter(fabric.scene[STAGE]["variants"].values()))
-    built = solver_fabric(fabric, law, friction=choice["friction"])
-    curve = tensile(relax(built, resolution_of(fabric)), direction, HEADLINE_STRAINS)
-    return {
-        f"force per width at {100 * strain:g} % strain": (
-            curve.force_per_width[k] if k < curve.steps else np.nan, "N m-1"
-        )
-        for k, strain in enumerate(HEADLINE_STRAINS)
-    }  # fmt: skip
+    choices = fabric.scene[STAGE]["variants"]
+    tests = {"": (next(iter(choices.values()))["friction"], HEADLINE_STRAINS)}
+    if any(choice["friction"] for choice in choices.values()):
+        tests[", with friction"] = (True, HEADLINE_STRAINS[:1])
+    found = {}
+    for what, (friction, strains) in tests.items():
+        built = solver_fabric(fabric, law, friction=friction)
+        curve = tensile(relax(built, resolution_of(fabric)), direction, strains)
+        for k, strain in enumerate(strains):
+            force = curve.force_per_width[k] if k < curve.steps else np.nan
+            found[f"force per width at {100 * strain:g} % strain{what}"] = (force, "N m-1")
+    return found
 
 
 def run(fabric, laws, direction):

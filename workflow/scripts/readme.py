@@ -16,11 +16,20 @@ def table(columns, rows):
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
 
+def short(text):
+    """A number with four digits; other text as it is."""
+    try:
+        return f"{float(text):.4g}"
+    except ValueError:
+        return text
+
+
 def assumptions(path):
     rows = []
     for row in rows_of(path):
-        plausible = row["choices"] or (f"{row['low']} to {row['high']}" if row["low"] else "")
-        value = row["value"] + (f" {row['unit']}" if row["unit"] != "1" else "")
+        ends = f"{short(row['low'])} to {short(row['high'])}" if row["low"] else ""
+        plausible = row["choices"] or ends
+        value = short(row["value"]) + (f" {row['unit']}" if row["unit"] != "1" else "")
         key = f"`{row['subject']}` {row['key'].replace('_', ' ')}"
         rows.append([key, value, plausible, row["because"], row["largest_effect"]])
     return table(["input", "value", "plausible", "reason", "largest effect over that range"], rows)
