@@ -46,12 +46,12 @@ class Timings:
         self.add(name, time.perf_counter() - start, note=note)
 
     def repeat(self, name, call, budget=0.1, note=""):
-        """Record the median wall time of ``call()`` over 3 or more runs, after one not counted.
+        """Record the median wall time of ``call()`` over one to a hundred runs, after one not counted.
 
         budget: seconds after which no further run is begun.  Returns the result of the last run.
         """
         result, seconds, start = call(), [], time.perf_counter()
-        while len(seconds) < 3 or (time.perf_counter() - start < budget and len(seconds) < 100):
+        while not seconds or (time.perf_counter() - start < budget and len(seconds) < 100):
             begin = time.perf_counter()
             result = call()
             seconds.append(time.perf_counter() - begin)
