@@ -1,15 +1,32 @@
-"""Bending of the fabric: exact limits, derivatives, symmetry, curl."""
+"""Bending of the fabric: exact limits, symmetry, curl, friction, errors."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from knitsim.equilibrium.bending import bend
-from knitsim.equilibrium.curved_kernels import add_curved_yarn, chord_square
+from knitsim.equilibrium import cell as cells
+from knitsim.equilibrium.bending import TIGHTEST, bend, phases_of
+from knitsim.equilibrium.bending_curl import curl_of
+from knitsim.equilibrium.bending_kernels import (
+    RAN_AWAY,
+    Bending,
+    flat_moment,
+    follow_bending,
+    new_states,
+)
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.friction_kernels import no_slip
-from knitsim.equilibrium.newton_kernels import energy_of, new_work, pairs_at
+from knitsim.equilibrium.model import rounded_law
+from knitsim.equilibrium.newton_kernels import (
+    Control,
+    energy_of,
+    new_work,
+    pairs_at,
+)
+from knitsim.equilibrium.path_kernels import REACHED
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.scene import Bend
+from knitsim.equilibrium.scene import COUPLE, CYLINDER, Bend, Scene, records
 from knitsim.errors import InputError
 from knitsim.yarn.law import paper_k3
 
@@ -21,6 +38,8 @@ COTTON = dict(
     bending_rigidity=5e-9,
     law=paper_k3(continuous=True),
 )
+# As KES bends, in steps of 0.25 per cm.
+CYCLE = np.concatenate([np.arange(0, 250, 25), np.arange(250, -250, -25), np.arange(-250, 1, 25)])
 
 
 @pytest.fixture(scope="module")
@@ -28,129 +47,211 @@ def cotton():
     return relax(Fabric(**COTTON))
 
 
-def disturbed(state):
-    y = state.y.copy()
-    rng = np.random.default_rng(0)
-    y[: state.model.lattice] += 3e-6 * rng.standard_normal(state.model.lattice)
-    return y
+@pytest.fixture(scope="module")
+def rubbing():
+    return relax(Fabric(**COTTON, friction=0.2))
 
 
-@pytest.mark.parametrize("direction", [0, 1])
-@pytest.mark.parametrize("kappa", [0.0, 180.0, -90.0])
-def test_derivatives_match_differences(cotton, direction, kappa):
-    model, y = cotton.model, disturbed(cotton)
-    work = new_work(model.scene)
-    scene = model.scene._replace(bend=Bend(kappa, direction, True))
-    pairs = pairs_at(scene, y, 1e-4, work)
-
-    def at(kappa, y, order):
-        bent = model.scene._replace(bend=Bend(kappa, direction, True))
-        return energy_of(bent, y, pairs, no_slip(), order, work)
-
-    at(kappa, y, 2)
-    gradient, hessian = work.gradient.copy(), work.hessian.copy()
-    by_kappa = work.by_kappa[0]
-    assert work.terms.min() > 0.0
-    step = 1e-2
-    difference = (at(kappa + step, y, 0) - at(kappa - step, y, 0)) / (2 * step)
-    assert abs(by_kappa) > 1e-9
-    assert difference == pytest.approx(by_kappa, rel=1e-6)
-    v = np.random.default_rng(2).standard_normal(len(y))
-    step = 1e-10
-    up = at(kappa, y + step * v, 1)
-    gradient_up = work.gradient.copy()
-    down = at(kappa, y - step * v, 1)
-    assert (up - down) / (2 * step) == pytest.approx(gradient @ v, rel=1e-6)
-    second = (gradient_up - work.gradient) / (2 * step)
-    assert np.abs(second - hessian @ v).max() <= 1e-6 * np.abs(hessian @ v).max() > 0.0
+def bent_scene(model, angle, direction):
+    return model.scene._replace(bend=Bend(angle, direction, True))
 
 
-def test_flat_fabric_is_the_limit(cotton):
-    model, y = cotton.model, disturbed(cotton)
-    work = new_work(model.scene)
-    pairs = pairs_at(model.scene, y, 1e-4, work)
-    flat = energy_of(model.scene, y, pairs, no_slip(), 2, work)
-    gradient, hessian = work.gradient.copy(), work.hessian.copy()
-    scene = model.scene._replace(bend=Bend(0.0, 0, True))
-    assert energy_of(scene, y, pairs, no_slip(), 2, work) == pytest.approx(flat, rel=1e-13)
-    np.testing.assert_allclose(work.gradient, gradient, atol=1e-12 * np.abs(gradient).max())
-    np.testing.assert_allclose(work.hessian, hessian, atol=1e-12 * np.abs(hessian).max())
-
-
-def test_straight_yarn_round_a_cylinder_keeps_its_own_rigidity(cotton):
-    """Laid out along the course at z = 0 the yarn has the energy B kappa^2/2 per length."""
-    scene = cotton.model.scene
-    rod = scene.rod
-    chain = int(rod.first.max()) + 4
-    x = np.zeros((chain, 3))
-    x[:, 0] = rod.span[0] * np.arange(chain)
-    kappa = 137.0
-    terms = np.zeros(3)
-    size = 3 * chain + 4
-    moment = add_curved_yarn(
-        scene._replace(bend=Bend(kappa, 0, True)),
-        x,
-        1,
-        np.zeros(size),
-        np.zeros((size, size)),
-        terms,
+def straight_fabric(spacing=2e-3, length=5e-3, rigidity=5e-9, load=0.0):
+    """A full cell whose yarn lies straight along the course: scene, trace, start, tolerance."""
+    cell = cells.full(24, 48, 1, 1)
+    law = COTTON["law"]
+    diameter = COTTON["diameter"]
+    touch = cells.touch_of(cell, length, 1.6 * diameter)
+    loads = np.zeros(cell.count + 4)
+    loads[cell.count] = load
+    scene = Scene(
+        cell.map,
+        cells.rod_of(cell, length, rigidity),
+        rounded_law(law),
+        touch,
+        records(CYLINDER, 0),
+        records(COUPLE, 0),
+        Bend(0.0, 0, True),
+        np.array([0.0, 1000.0, diameter, 0.0, 0.0, 0.0]),
+        loads,
+        np.ones(cell.count + 4),
     )
-    length = rod.weight.sum()
-    assert terms[1] == pytest.approx(0.5 * 5e-9 * kappa**2 * length, rel=1e-12)
-    assert moment == pytest.approx(5e-9 * kappa * length, rel=1e-12)
-    assert terms[0] == pytest.approx(0.0, abs=1e-18)
-    # Off the middle plane it is stretched by kappa z.
-    x[:, 2] = 1e-5
-    terms[:] = 0.0
-    add_curved_yarn(
-        scene._replace(bend=Bend(kappa, 0, True)),
-        x,
-        1,
-        np.zeros(size),
-        np.zeros((size, size)),
-        terms,
-    )
-    assert terms[0] == pytest.approx(
-        float(COTTON["law"].energy_at(kappa * 1e-5)) * length, rel=1e-3
-    )
+    loop = np.zeros((24, 3))
+    loop[:, 0] = length * np.arange(24) / 24
+    y = cells.pack(cell, loop, [length, 0.0, 0.0, spacing])
+    control = Control(1e-6 * rigidity / diameter**2, 0.15 * diameter, 0.15 * diameter, 400, 0)
+    return cell, scene, cells.trace_of(cell, touch), y, control
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-6, 0.0099, 0.0101, 0.3])
-def test_chord_between_points_of_a_cylinder(angle):
-    kappa, delta = 200.0, angle / 200.0
-    q, first, second, by_kappa = chord_square(delta, kappa)
-    assert q == pytest.approx((2 * np.sin(angle / 2) / kappa) ** 2, rel=1e-12, abs=1e-30)
-    step = 1e-7
-    up, down = chord_square(delta + step, kappa), chord_square(delta - step, kappa)
-    assert (up[0] - down[0]) / (2 * step) == pytest.approx(first, rel=1e-6, abs=1e-15)
-    assert (up[1] - down[1]) / (2 * step) == pytest.approx(second, rel=1e-6)
-    up, down = chord_square(delta, kappa + 0.01), chord_square(delta, kappa - 0.01)
-    assert (up[0] - down[0]) / 0.02 == pytest.approx(by_kappa, rel=1e-4, abs=1e-4 * delta**2)
+def bend_straight(curvatures, couple=0.0, load=0.0, largest=10.0):
+    """Moment per spacing (N) of the straight yarn, the lost energy, and the reason of the end."""
+    cell, scene, trace, y, control = straight_fabric(load=load)
+    # The transverse spacing meets no resistance: it is held.
+    free = np.array([*range(cell.count), cell.count], dtype=np.int64)
+    none = np.empty(0, dtype=np.int64)
+    bending = Bending(free, cell.count, largest, 1e-6, 0.0, couple, 1.0, 1e-3, 2, none)
+    states = new_states(len(curvatures))
+    kept = np.empty((len(curvatures), len(y)))
+    curvatures = np.asarray(curvatures, dtype=float)
+    count, status = follow_bending(scene, trace, y, curvatures, bending, control, states, kept)
+    return states, states.moment / 2e-3, count, status
+
+
+def test_straight_yarns_side_by_side_have_their_own_rigidity():
+    curvatures = np.array([0.0, 50.0, 250.0, -250.0])
+    _, moment, _, status = bend_straight(curvatures)
+    assert status == REACHED
+    assert moment[0] == pytest.approx(0.0, abs=1e-15)
+    np.testing.assert_allclose(moment[1:], 5e-9 / 2e-3 * curvatures[1:], rtol=1e-6)
+
+
+def test_yarn_that_lags_gives_its_own_hysteresis():
+    """M = (B kappa +- M0)/c; a cycle costs M0 times the way that the curvature goes, per length."""
+    couple, length = 2e-7, 5e-3
+    states, moment, _, status = bend_straight(CYCLE, couple)
+    assert status == REACHED
+    at = {k: np.flatnonzero(np.abs(CYCLE - k) < 1e-9) for k in (100.0, -100.0)}
+    for k, sign in ((100.0, 1.0), (-100.0, -1.0)):
+        out, back = moment[at[k]]
+        assert out == pytest.approx((5e-9 * k + sign * couple) / 2e-3, rel=1e-6)
+        assert back == pytest.approx((5e-9 * k - sign * couple) / 2e-3, rel=1e-6)
+    way = np.abs(np.diff(CYCLE)).sum()
+    assert states.lost[-1] == pytest.approx(couple * way * length, rel=1e-6)
+
+
+def test_spacings_that_run_away_are_named():
+    # A dead load that pulls the soft yarn out to more than twice its length.
+    load = float(COTTON["law"].tension_at(1.2))
+    _, _, count, status = bend_straight([10.0], load=load)
+    assert (count, status) == (0, RAN_AWAY)
 
 
 def test_plain_jersey_curls(cotton):
-    # The feasibility study: holding moments -4.4 mN (course) and +5.1 mN (wale), rigidity 0.12 of
-    # B/c and 0.88 of 2 B/w.
-    moments = {}
-    for direction in ("course", "wale"):
+    # Holding moments as in the feasibility study, -4.4 mN (course) and +5.1 mN (wale).
+    for direction, moment, rolls_to in (("course", -4.4, "back"), ("wale", 5.1, "face")):
         curve = bend(cotton, direction, [0.0, 50.0, 150.0])
         assert curve.stop_reason == ""
         assert curve.crossings_intact.all()
-        moments[direction] = curve.moment_per_width
-    assert 1e3 * moments["course"][0] == pytest.approx(-4.4, abs=0.06)
-    assert 1e3 * moments["wale"][0] == pytest.approx(5.1, abs=0.06)
-    slope = {k: (m[2] - m[1]) / 100.0 for k, m in moments.items()}
-    assert slope["course"] / (5e-9 / cotton.course_spacing) == pytest.approx(0.12, abs=0.01)
-    assert slope["wale"] / (2 * 5e-9 / cotton.wale_spacing) == pytest.approx(0.85, abs=0.05)
+        assert 1e3 * curve.moment_per_width[0] == pytest.approx(moment, abs=0.06)
+        assert curve.flat_moment == pytest.approx(curve.moment_per_width[0], rel=1e-6)
+        assert (np.diff(curve.moment_per_width) > 0.0).all()
+        # Plain jersey rolls to the back along its sides and to the face at top and bottom.
+        curl = curl_of(curve)
+        assert curl.rolls_to == rolls_to
+        assert curl.edges == {"course": "sides", "wale": "top and bottom"}[direction]
+        assert curl.curvature is None
+        assert curl.bound == (150.0 if direction == "course" else 0.0)
+
+
+def test_set_yarn_curls_less_and_comes_to_rest(cotton):
+    relaxed = relax(Fabric(**COTTON, set_fraction=0.9))
+    curve = bend(relaxed, "wale", np.arange(0.0, -1001.0, -100.0))
+    curl = curl_of(curve)
+    assert curl.rolls_to == "face"
+    assert 0.0 < curl.moment < 0.2 * bend(cotton, "wale", [0.0]).moment_per_width[0]
+    assert -1000.0 < curl.curvature < -100.0
+    assert curl.bound is None
+    zero = bend(relaxed, "wale", [curl.curvature])
+    assert abs(zero.moment_per_width[0]) < 0.01 * curl.moment
 
 
 def test_moment_is_the_derivative_of_the_relaxed_energy(cotton):
     step = 5.0
     curve = bend(cotton, "wale", [100.0 - step, 100.0, 100.0 + step])
     energy = curve.energy.sum(1)
+    angle = curve.curvature * curve.course_spacing
+    slope = (energy[2] - energy[0]) / (angle[2] - angle[0])
+    assert curve.moment_per_width[1] == pytest.approx(slope / cotton.wale_spacing, rel=1e-4)
+    # Held spacings: the same by the curvature, per area.
+    curve = bend(cotton, "wale", [100.0 - step, 100.0, 100.0 + step], spacings="held")
+    energy = curve.energy.sum(1)
     slope = (energy[2] - energy[0]) / (2 * step)
-    area = curve.wale_spacing[1] * curve.course_spacing[1]
+    area = cotton.wale_spacing * cotton.course_spacing
     assert curve.moment_per_width[1] == pytest.approx(slope / area, rel=1e-4)
+
+
+@pytest.mark.parametrize("direction", ["course", "wale"])
+def test_small_curvature_agrees_with_the_second_derivative(cotton, direction):
+    """Slope of the moment at zero curvature: E'' less what the free unknowns give way."""
+    model, bent = cotton.model, {"course": 0, "wale": 1}[direction]
+    work, at = new_work(model.scene), model.lattice + 3 * bent
+    scene, free = bent_scene(model, 0.0, bent), model.free(0, 3)
+    pairs = pairs_at(scene, cotton.y, 0.0, work)
+    step = 1e-5
+    gradients, slopes = [], []
+    for angle in (step, -step):
+        energy_of(bent_scene(model, angle, bent), cotton.y, pairs, no_slip(), 1, work)
+        gradients.append(work.gradient[free].copy())
+        slopes.append(work.by_kappa[0] / cotton.y[at])
+    mixed = (gradients[0] - gradients[1]) / (2 * step)
+    energy_of(scene, cotton.y, pairs, no_slip(), 2, work)
+    stiff = work.hessian[np.ix_(free, free)]
+    by_angle = (slopes[0] - slopes[1]) / (2 * step) - mixed @ np.linalg.solve(stiff, mixed)
+    # The angle is curvature times spacing; the moment stands over the transverse spacing at rest.
+    expected = by_angle * cotton.y[at] / cotton.y[model.lattice + 3 * (1 - bent)]
+    small = 0.02
+    curve = bend(tight(cotton), direction, [small, -small])
+    slope = np.diff(curve.moment_per_width)[0] / (-2 * small)
+    assert slope == pytest.approx(expected, rel=1e-4)
+
+
+def tight(relaxed):
+    """The relaxed state, to be followed to a tolerance of a thousandth."""
+    model = relaxed.model
+    return replace(
+        relaxed,
+        model=replace(
+            model, control=model.control._replace(tolerance=1e-3 * model.control.tolerance)
+        ),
+    )
+
+
+@pytest.mark.parametrize("direction", ["course", "wale"])
+@pytest.mark.parametrize("spacings", ["free", "held"])
+def test_mirrored_fabric_has_the_mirrored_curve(cotton, rubbing, direction, spacings):
+    for relaxed in (cotton, rubbing):
+        model = relaxed.model
+        turned = relaxed.y.copy()
+        slot = model.cell.slot[:, 2]
+        turned[slot[slot >= 0]] *= -1.0
+        # Seen from the other side what was above lies below: the last bit of every crossing.
+        mirrored = replace(relaxed, model=replace(model, expected=model.expected ^ 1), y=turned)
+        path = np.array([0.0, 100.0, 200.0, 100.0, -100.0])
+        one = bend(relaxed, direction, path, spacings=spacings)
+        other = bend(mirrored, direction, -path, spacings=spacings)
+        assert one.steps == other.steps == len(path)
+        largest = np.abs(one.moment_per_width).max()
+        np.testing.assert_allclose(
+            -other.moment_per_width, one.moment_per_width, rtol=0, atol=1e-9 * largest
+        )
+
+
+@pytest.mark.parametrize("direction", [0, 1])
+def test_free_spacings_do_not_know_the_reference_plane(cotton, direction):
+    """The plane z = 0 moved by h: the same cylinder has the radius of the mean plane less h."""
+    model, h = cotton.model, 0.05e-3
+    rows = model.scene.map.rows.copy()
+    rows["offset"][2:-4:3] += h
+    moved = model.scene._replace(map=model.scene.map._replace(rows=rows))
+    at, free = model.lattice + 3 * direction, model.free(0, 3)
+    bending = Bending(free, at, 100.0, 1e-7, 0.0, 0.0, 1.0, 1.0, 2, model.expected)
+    kappa = np.array([0.0, 150.0, -150.0])
+    moment = []
+    for scene, curvatures in (
+        (model.scene, kappa),
+        (moved, kappa / (1.0 - kappa * h)),
+    ):
+        bent = scene._replace(bend=Bend(0.0, direction, True))
+        states, kept = new_states(3), np.empty((3, len(cotton.y)))
+        y = cotton.y.copy()
+        count, _ = follow_bending(
+            bent, model.trace, y, curvatures, bending, model.control, states, kept
+        )
+        assert count == 3
+        moment.append(states.moment.copy())
+    np.testing.assert_allclose(moment[1], moment[0], rtol=1e-8)
+    assert abs(moment[0][1] - moment[0][2]) > 0.01 * abs(moment[0][0])
+    assert flat_moment(bent, cotton.y) == pytest.approx(moment[0][0], rel=1e-8)
 
 
 def test_quarter_and_full_cell_agree(cotton):
@@ -164,14 +265,96 @@ def test_held_spacings_are_stiffer(cotton):
     free, held = (bend(cotton, "wale", [50.0, 150.0], spacings=s) for s in ("free", "held"))
     assert np.diff(held.moment_per_width)[0] > np.diff(free.moment_per_width)[0] > 0.0
     assert held.wale_spacing == pytest.approx(cotton.wale_spacing)
+    assert held.course_spacing == pytest.approx(cotton.course_spacing)
+
+
+@pytest.mark.parametrize("direction", ["course", "wale"])
+def test_friction_makes_a_loop(cotton, rubbing, direction):
+    plain, loop = (bend(r, direction, CYCLE) for r in (cotton, rubbing))
+    assert plain.stop_reason == loop.stop_reason == ""
+    np.testing.assert_array_equal(loop.curvature, CYCLE)
+    largest = np.abs(plain.moment_per_width - plain.flat_moment).max()
+    # Without friction the way back is the way there.
+    back = np.flatnonzero(CYCLE == 0.0)
+    np.testing.assert_allclose(
+        plain.moment_per_width[back], plain.flat_moment, rtol=0, atol=1e-5 * largest
+    )
+    assert (plain.dissipated == 0.0).all()
+    out, home = loop.moment_per_width[4], loop.moment_per_width[16]
+    assert CYCLE[4] == CYCLE[16] == 100.0
+    assert out - home > 0.02 * largest
+    assert (np.diff(loop.dissipated) >= 0.0).all()
+    # Energy is stored or lost, and the loop encloses what is lost.
+    stored = loop.energy.sum(1) - loop.energy.sum(1)[0]
+    np.testing.assert_allclose(
+        loop.work - stored, loop.dissipated, rtol=0, atol=0.03 * loop.dissipated[-1]
+    )
+    assert loop.dissipated[-1] > 0.0
+    np.testing.assert_array_equal(loop.phase, np.repeat([0, 1, 0, 1], [11, 10, 10, 10]))
+    assert (loop.cycle == 1).all()
+
+
+def test_phases_and_cycles():
+    phase, cycle = phases_of(np.array([0.0, 10, 20, 10, -10, -20, 0, 10, 10, 0, 20]))
+    np.testing.assert_array_equal(phase, [0, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0])
+    np.testing.assert_array_equal(cycle, [1, 1, 1, 1, 1, 1, 1, 2, 2, 2, 3])
+    phase, cycle = phases_of(np.array([-10.0, 10.0, -10.0]))
+    np.testing.assert_array_equal(cycle, [1, 1, 2])
+
+
+@pytest.mark.parametrize("direction", ["course", "wale"])
+def test_error_estimate_bounds_the_error(cotton, direction):
+    asked = [0.0, 100.0, 250.0, -150.0]
+    curve = bend(cotton, direction, asked, estimate_error=True)
+    fine = bend(relax(Fabric(**COTTON), Resolution(192, 1920)), direction, asked)
+    off = np.abs(curve.moment_per_width - fine.moment_per_width) / np.abs(curve.moment_per_width)
+    assert (off <= curve.numerical_error).all()
+    assert curve.numerical_error.max() < 0.01
+    change = [c.moment_per_width - c.flat_moment for c in (curve, fine)]
+    off = np.abs(change[0] - change[1]) / np.abs(change[1]).max()
+    assert (off <= curve.change_error).all()
+    assert curve.change_error.max() < 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("direction", ["course", "wale"])
+def test_error_estimate_bounds_the_error_with_friction(rubbing, direction):
+    curve = bend(rubbing, direction, CYCLE, estimate_error=True)
+    fine = bend(
+        relax(rubbing.model.fabric, Resolution(96, 960)), direction, CYCLE, increment=25.0 / 8.0
+    )
+    off = np.abs(curve.moment_per_width - fine.moment_per_width) / np.abs(curve.moment_per_width)
+    assert (off <= curve.numerical_error).all()
+    change = [c.moment_per_width - c.flat_moment for c in (curve, fine)]
+    off = np.abs(change[0] - change[1]) / np.abs(change[1]).max()
+    assert (off <= curve.change_error).all()
+    assert curve.change_error.max() < 0.05
+
+
+def test_loop_in_space_lies_on_its_cylinder(cotton):
+    curve = bend(cotton, "wale", [200.0, 0.0])
+    axis = np.array([0.0, -1.0 / 200.0])
+    flat = curve.centreline[0]
+    for courses in (0, 2):
+        points = curve.centreline_bent(0, courses=courses)
+        radius = np.linalg.norm(points[:, 1:] - axis, axis=1)
+        np.testing.assert_allclose(radius, 1.0 / 200.0 + flat[:, 2], rtol=1e-12)
+        np.testing.assert_allclose(points[:, 0], flat[:, 0])
+    moved = curve.centreline_bent(1, wales=1)
+    expected = curve.centreline[1] + [curve.wale_spacing[1], 0.0, 0.0]
+    np.testing.assert_allclose(moved, expected, atol=1e-15)
 
 
 def test_impossible_bending_is_refused(cotton):
+    thick = np.abs(cotton.centreline[:, 2]).max() + 0.5 * COTTON["diameter"]
     for call, name in (
         (lambda: bend(cotton, "bias", [1.0]), "direction"),
         (lambda: bend(cotton, "wale", [1.0], spacings="loose"), "spacings"),
-        (lambda: bend(cotton, "wale", [5000.0]), "curvature"),
+        (lambda: bend(cotton, "wale", [1.01 * TIGHTEST / thick]), "curvature"),
         (lambda: bend(cotton, "wale", [np.nan]), "curvature"),
+        (lambda: bend(cotton, "wale", []), "curvature"),
+        (lambda: bend(cotton, "wale", [1.0], increment=0.0), "increment"),
+        (lambda: Fabric(**COTTON, bending_hysteresis=-1e-9), "bending hysteresis"),
     ):
         with pytest.raises(InputError, match=name):
             call()

@@ -92,20 +92,6 @@ def test_quarter_and_full_cell_agree(cotton, course):
     assert np.abs(curve.forces[:, 1:3] / curve.force_per_loop[:, None]).max() < 5e-3
 
 
-def test_two_by_two_cell_agrees():
-    # Compared where the force is well above the ripples that coarse contact points leave.
-    alone, block = (
-        # The coarsest contact points: their ripples hold whole yarns, which slide at no cost, in place.
-        relax(Fabric(**COTTON), Resolution(32, 160, **more))
-        for more in ({}, {"cell": "full", "wales": 2, "courses": 2})
-    )
-    assert block.wale_spacing == pytest.approx(alone.wale_spacing, rel=5e-3)
-    for direction, strain in (("wale", 0.1), ("course", 0.4)):
-        one, four = (tensile(r, direction, [strain]) for r in (alone, block))
-        np.testing.assert_allclose(four.force_per_loop, one.force_per_loop, rtol=5e-3)
-        assert four.energy[0].sum() == pytest.approx(one.energy[0].sum(), rel=1e-3)
-
-
 def test_mirrored_fabric_mirrors_its_result():
     """Upside down (half turn about the course axis) a plain knit is the same fabric."""
     full = relax(Fabric(**COTTON), Resolution(24, 160, cell="full"))
@@ -115,7 +101,7 @@ def test_mirrored_fabric_mirrors_its_result():
     assert mirrored[::-1][:, 2] == pytest.approx(full.centreline[:, 2], abs=1e-8)
     angles = np.deg2rad([1.0, -1.0])
     curve = shear(full, angles)
-    assert curve.force_per_loop[0] == pytest.approx(-curve.force_per_loop[1], rel=1e-5)
+    assert curve.force_per_loop[0] == pytest.approx(-curve.force_per_loop[1], abs=SMALL_FORCE)
     assert curve.force_per_loop[0] > 0.0
 
 

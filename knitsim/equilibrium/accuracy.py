@@ -12,10 +12,9 @@ least in proportion to the increment, so that the difference is not less than th
 
 import numpy as np
 
-from knitsim.equilibrium.friction_kernels import no_slip
 from knitsim.equilibrium.model import build_model, refine
-from knitsim.equilibrium.newton_kernels import energy_of, new_work, pairs_at
 from knitsim.equilibrium.relax import relax, settle
+from knitsim.equilibrium.solve import gradient_at
 from knitsim.errors import ComputationError
 
 SAFETY = 2.0
@@ -93,10 +92,8 @@ def force_at(model, y, curve):
     """Frictionless force per loop (N) on the driven entry of a curve's test, from the shape y on."""
     scene = model.with_load(curve.load)
     state = settle(model, y, model.free(*curve.free), scene=scene)
-    work = new_work(scene)
-    energy_of(scene, state.y, pairs_at(scene, state.y, 0.0, work), no_slip(), 1, work)
     i = model.lattice + curve.driven
-    return (work.gradient[i] + scene.load[i]) / model.loops
+    return (gradient_at(model, scene, state.y)[0][i] + scene.load[i]) / model.loops
 
 
 def _between(steps, known, values):

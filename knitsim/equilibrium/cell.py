@@ -98,26 +98,28 @@ def full(points, contacts, wales=1, courses=1):
     """``wales`` by ``courses`` whole loops without symmetry.
 
     Rigid translation and the sliding of each yarn along itself cost nothing and are taken out: the
-    middle of the first sinker arc of each yarn stays at x = 0 (of its course), in the first yarn the
-    first head at x = a1/2; one control point holds the wale direction, and the mean thickness of one
-    loop (of the first one) is zero.
+    middle of the first sinker arc stays at x = 0, the left leg of the first loop at y = 0 in its
+    middle, the mean thickness of that loop at zero; and in each yarn the middles of the two legs of
+    the first loop lie at the same height.  (Sliding raises one and lowers the other.  A condition on x
+    would not do: sinker arc and head run the same way, so that sliding moves both as a translation
+    does.)  Points cut from a yarn feel a little of the sliding; the condition then takes a force, zero
+    in the symmetric state.
     """
     n = points * wales
     slot = np.full((courses * n, 3), -1, dtype=np.int64)
-    pinned = {(j * n, 0) for j in range(courses)}
-    pinned |= {(points // 2, 0), (points // 4, 1), (points // 4, 2)}
+    left, right = points // 4, 3 * points // 4
+    pinned = {(0, 0), (left, 1), (left, 2)} | {(j * n + right, 1) for j in range(courses)}
     number = iter(range(3 * courses * n))
     for k in range(courses * n):
         for axis in range(3):
             if (k, axis) not in pinned:
                 slot[k, axis] = next(number)
     count = slot.max() + 1
-    a1, a2 = (count, count + 1), (count + 2, count + 3)
+    a1 = (count, count + 1)
     rows = [[{} if s < 0 else {s: 1.0} for s in row] for row in slot]
     for j in range(courses):
-        rows[j * n][0] = _combine([(float(j), {a2[0]: 1.0})])
-    rows[points // 2][0] = {a1[0]: 0.5}
-    rows[points // 4][2] = _combine((-1.0, rows[k][2]) for k in range(points) if k != points // 4)
+        rows[j * n + right][1] = rows[j * n + left][1]
+    rows[left][2] = _combine((-1.0, rows[k][2]) for k in range(points) if k != left)
     table = []
     for j in range(courses):
         own = rows[j * n : (j + 1) * n]

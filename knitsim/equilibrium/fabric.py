@@ -66,7 +66,9 @@ class Fabric:
     loop_length (m); diameter (m); bending_rigidity (N m2); law: tension of the yarn, taken as
     reversible; contact: compression of the yarn; friction: Coulomb's coefficient between yarns;
     set_fraction: rest curvature of the yarn as a part of the curvature magnitude of the loop held at
-    the stated spacings (0 straight, 1 fully set).
+    the stated spacings (0 straight, 1 fully set); bending_hysteresis: couple by which the yarn's
+    moment lags behind its curvature (N m), half the width of the yarn's own hysteresis loop; it acts
+    where the fabric is bent, not where it is pulled.
 
     Raises InputError for a fabric that cannot exist.
     """
@@ -80,6 +82,7 @@ class Fabric:
     contact: BarrierContact | CoreContact = field(default_factory=BarrierContact)
     friction: float = 0.0
     set_fraction: float = 0.0
+    bending_hysteresis: float = 0.0
 
     def __post_init__(self):
         for name in ("wale_spacing", "course_spacing", "loop_length", "diameter"):
@@ -87,6 +90,7 @@ class Fabric:
         _within("bending rigidity", self.bending_rigidity, 1e-15, 1e-2, " N m2")
         _within("friction", self.friction, 0.0, 1.0)
         _within("set fraction", self.set_fraction, 0.0, 1.0)
+        _within("bending hysteresis", self.bending_hysteresis, 0.0, 1.0, " N m")
         if not isinstance(self.law, TensionLaw):
             raise InputError("law", self.law, "must be a TensionLaw")
         soft = isinstance(self.contact, CoreContact)

@@ -36,22 +36,31 @@ RUB = np.dtype(
 )
 
 
+# A Gauss point of the yarn whose bending couple lags.  axis: unit vector of its curvature at the start
+# of the step, start: the curvature then (1/m); couple: M0 times the reference length it stands for
+# (N m2).
+LAG = np.dtype([("axis", "f8", 3), ("start", "f8"), ("couple", "f8")], align=True)
+
+
 class Slip(NamedTuple):
     """Friction of one load step.
 
     pairs (n,): a RUB for each listed pair; wraps (cylinders, points): one for every contact point on
-    every rigid cylinder, its pair unused; rounding (m).
+    every rigid cylinder, its pair unused; rounding (m).  lags: a LAG for each Gauss point of the yarn,
+    or none; turn: their rounding (1/m).
     """
 
     pairs: np.ndarray
     wraps: np.ndarray
     rounding: float
+    lags: np.ndarray
+    turn: float
 
 
 @njit
 def no_slip():
     """Friction of a scene that has none."""
-    return Slip(np.empty(0, dtype=RUB), np.empty((0, 0), dtype=RUB), 1.0)
+    return Slip(np.empty(0, dtype=RUB), np.empty((0, 0), dtype=RUB), 1.0, np.empty(0, dtype=LAG), 1.0)
 
 
 @njit
@@ -87,6 +96,8 @@ def begin_slip(scene, points, lattice, pairs, friction, rounding):
         np.empty(weight.size, dtype=RUB),
         np.empty((scene.cylinders.size, points.shape[0]), dtype=RUB),
         rounding,
+        np.empty(0, dtype=LAG),
+        1.0,
     )
     for j in range(weight.size):
         pair = (listed[j, 0], listed[j, 1], listed[j, 2])

@@ -25,7 +25,8 @@ TOLERANCE = 1e-6  # of B/d^2
 STEP_CAP = 0.15  # diameters
 SKIN = 0.15  # diameters
 ITERATIONS = 60
-FULL_ITERATIONS = 400  # a yarn that slides along itself does so slowly
+FULL_ITERATIONS = 100  # loops that exchange yarn do so slowly
+SPARSE_FROM = 4  # loops in a cell
 TRUST = 0
 ROUNDED_STRAIN = 4e-4  # half width of the rounding of the tension law's kinks
 SET_ROUNDING = 0.02  # rounding of |kappa| near zero, times 2 pi / loop length
@@ -34,6 +35,8 @@ SET_ROUNDING = 0.02  # rounding of |kappa| near zero, times 2 pi / loop length
 @dataclass(frozen=True, eq=False)
 class Model:
     """A fabric at a resolution: its scene, the vertices for the crossing check, the settings.
+
+    sparse: whether the Hessian is kept as a sparse matrix, which is faster in large cells.
 
     The lattice stands in the unknowns at ``lattice`` .. ``lattice`` + 3.
     """
@@ -45,6 +48,7 @@ class Model:
     trace: Touch
     expected: np.ndarray
     control: Control
+    sparse: bool
 
     @property
     def lattice(self):
@@ -89,8 +93,11 @@ def rounded_law(law):
     return Stretch(float(slope[0]), rounded)
 
 
-def build_model(fabric, resolution=None):
-    """The :class:`Model` of a fabric (no set).  Raises InputError for a resolution that is too coarse."""
+def build_model(fabric, resolution=None, sparse=None):
+    """The :class:`Model` of a fabric (no set).  Raises InputError for a resolution that is too coarse.
+
+    sparse: whether to use the sparse Hessian, where None in cells of SPARSE_FROM loops or more.
+    """
     resolution = Resolution() if resolution is None else resolution
     contacts = resolution.contacts_for(fabric)
     if resolution.cell == "quarter":
@@ -98,6 +105,7 @@ def build_model(fabric, resolution=None):
     else:
         cell = cells.full(resolution.points, contacts, resolution.wales, resolution.courses)
     touch = cells.touch_of(cell, fabric.loop_length, NEIGHBOURS * fabric.diameter)
+    large = cell.wales * cell.courses >= SPARSE_FROM if sparse is None else sparse
     unknowns = cell.count + LATTICE
     scale = np.full(unknowns, 1.0 / (cell.wales * cell.courses))
     scale[: cell.count] = 1.0 / cell.copies
@@ -129,6 +137,7 @@ def build_model(fabric, resolution=None):
         cells.trace_of(cell, touch),
         cells.expected_crossings(cell),
         control,
+        cell.kind == "full" and large,
     )
 
 
@@ -165,6 +174,7 @@ def _replaced(model, scene):
         model.trace,
         model.expected,
         model.control,
+        model.sparse,
     )
 
 

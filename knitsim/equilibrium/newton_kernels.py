@@ -15,8 +15,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from knitsim.equilibrium.bending_friction_kernels import add_curved_friction, add_lag
 from knitsim.equilibrium.contact_kernels import add_contact, find_pairs, place_points
-from knitsim.equilibrium.curved_kernels import add_curved_contact, add_curved_yarn
+from knitsim.equilibrium.curved_kernels import (
+    Bent,
+    add_angle,
+    add_curved_contact,
+    add_curved_yarn,
+    curvature_at,
+)
 from knitsim.equilibrium.cylinder_kernels import add_couples, add_cylinders
 from knitsim.equilibrium.friction_kernels import add_friction
 from knitsim.equilibrium.yarn_kernels import add_yarn
@@ -47,7 +54,8 @@ class Work(NamedTuple):
     """Buffers of one scene: control points, contact points, gradients, Hessians, factor.
 
     terms: energy by term (stretch, bending, contact); closest (1,): smallest squared distance;
-    by_kappa (1,): derivative of the energy by the curvature of the fabric (J m).
+    by_kappa (2,), mixed: derivatives by the curvature of a bent fabric, of energy and friction
+    potential (J m, J m2) and of their expanded gradient.
     """
 
     x: np.ndarray
@@ -60,6 +68,7 @@ class Work(NamedTuple):
     terms: np.ndarray
     closest: np.ndarray
     by_kappa: np.ndarray
+    mixed: np.ndarray
 
 
 @njit
@@ -76,7 +85,8 @@ def new_work(scene):
         np.zeros((n, n)),
         np.zeros(3),
         np.zeros(1),
-        np.zeros(1),
+        np.zeros(2),
+        np.zeros(rows),
     )
 
 
@@ -143,32 +153,42 @@ def energy_of(scene, y, pairs, slip, order, work):
         work.expanded[:] = 0.0
     if order == 2:
         work.half[:] = 0.0
-    by_kappa = 0.0
+    bent, kappa, rubbing = Bent(work.expanded, work.half, work.mixed, work.by_kappa), 0.0, 0.0
+    work.by_kappa[0] = 0.0
     if scene.bend.active:
-        by_kappa += add_curved_yarn(scene, work.x, order, work.expanded, work.half, work.terms)
+        kappa = curvature_at(scene.bend, lattice)
+        if order == 2:
+            work.by_kappa[1] = 0.0
+            work.mixed[:] = 0.0
+        add_curved_yarn(scene, kappa, work.x, order, bent, work.terms)
+        rubbing += add_lag(scene, kappa, work.x, slip, order, bent)
     else:
         add_yarn(scene, work.x, order, work.expanded, work.half, work.terms)
-    energy = work.terms[0] + work.terms[1]
+    energy = work.terms[0] + work.terms[1] + rubbing
     energy += add_couples(scene.couples, work.x, order, work.expanded, work.half)
     work.closest[0] = math.inf
     if pairs[1].size or slip.pairs.size or scene.cylinders.size:
         place_points(scene.touch, work.x, work.points)
         if scene.bend.active:
-            contact, closest, more = add_curved_contact(
-                scene, work.points, lattice, pairs, order, work.expanded, work.half
+            contact, closest = add_curved_contact(
+                scene, kappa, work.points, lattice, pairs, order, bent
             )
-            by_kappa += more
+            contact_slip = add_curved_friction(
+                scene, kappa, work.points, lattice, slip, order, bent
+            )
         else:
             contact, closest = add_contact(
                 scene, work.points, lattice, pairs, order, work.expanded, work.half
             )
+            contact_slip = add_friction(
+                scene, work.points, lattice, slip, order, work.expanded, work.half
+            )
         work.closest[0] = closest
         contact += add_cylinders(scene, work.points, order, work.expanded, work.half)
         work.terms[2] = contact
-        energy += contact + add_friction(
-            scene, work.points, lattice, slip, order, work.expanded, work.half
-        )
-    work.by_kappa[0] = by_kappa
+        energy += contact + contact_slip
+    if order >= 1 and scene.bend.active:
+        add_angle(scene.bend, lattice, order, bent)
     for i in range(y.size):
         energy -= scene.load[i] * y[i]
     if order >= 1:
@@ -191,7 +211,7 @@ def pairs_at(scene, y, skin, work):
         thick = 0.0
         for i in range(work.points.shape[0]):
             thick = max(thick, abs(work.points[i, 2]))
-        reach /= max(1.0 - abs(scene.bend.curvature) * thick, 0.2)
+        reach /= max(1.0 - abs(curvature_at(scene.bend, lattice)) * thick, 0.2)
     return find_pairs(scene.touch, work.points, lattice, reach)
 
 

@@ -15,6 +15,7 @@ from knitsim.equilibrium.crossing_kernels import crossings_of, same_crossings
 from knitsim.equilibrium.friction_kernels import begin_slip, lag_at, loss_of, no_slip
 from knitsim.equilibrium.newton_kernels import (
     CONVERGED,
+    Control,
     copy_to,
     energy_of,
     expand,
@@ -30,6 +31,10 @@ from knitsim.jit import njit
 REACHED, NOT_REACHED = 0, 10
 CROSSINGS_LOST = 11
 SMALLEST = 1.0 / 64.0  # of an asked step
+BALANCED = 0.03  # of an increment's work: what may be neither stored nor lost
+WHOLE_BALANCED = 3e-3  # of all work so far: the same
+SMALLEST_BALANCED = 1.0 / 8.0  # of an asked step: increments are not made smaller for the balance
+LOOSE = 1e3  # tolerance of the passes that only find normal forces, over that of the last
 LEAST_MOVE = 1e-3  # of the largest increment: a step that moves less is rounded as if it moved this
 
 
@@ -69,20 +74,22 @@ class Trail(NamedTuple):
     """What is kept of each asked state; one row each.
 
     y; force: derivatives of energy and friction potential by y (N), which the driven unknowns and the
-    dead loads hold; states (STATE).
+    dead loads hold; states (STATE).  past: of the last increment, see :func:`work_of_increment`.
     """
 
     y: np.ndarray
     force: np.ndarray
     states: np.ndarray
+    past: np.ndarray
 
 
-def new_trail(states, unknowns):
-    """A trail of states none of which is reached yet."""
+def new_trail(states, past):
+    """A trail of states none of which is reached yet; past: that of the trail before, or zeros."""
+    unknowns = past.size - 1
     missing = {"iterations": 0, "status": NOT_REACHED}
     rows = records(STATE, states, **{n: missing.get(n, np.nan) for n in STATE.names})
     y, force = np.full((2, states, unknowns), np.nan)
-    return Trail(y, force, rows)
+    return Trail(y, force, rows, past.copy())
 
 
 @njit
@@ -118,7 +125,16 @@ def solve_step(scene, y, march, control, start, work):
                 )
             else:
                 lag_at(scene, work.points, lattice, pairs[1], march.friction, slip)
-        status, iterations, residual = minimise(scene, y, march.free, slip, control, work)
+        # All passes but the last only serve to find the normal forces.
+        last = not rubs or once == march.passes - 1
+        aim = Control(
+            control.tolerance * (1.0 if last else LOOSE),
+            control.cap,
+            control.skin,
+            control.limit,
+            control.trust,
+        )
+        status, iterations, residual = minimise(scene, y, march.free, slip, aim, work)
         total += iterations
         if status != CONVERGED:
             return status, total, residual, 0.0
@@ -156,20 +172,58 @@ def bend_predictor(trial, y, before, march):
 
 
 @njit
+def work_of_increment(force, after, moved, past):
+    """Work of the prescribed forces over one increment (J); ``past`` moves on by it.
+
+    force, after: forces on both sides (y size); moved: change of y, zero where it is not
+    prescribed.  past (y size + 1): the last increment's change of y and its slope of the force along
+    the way (N/m); zeros before the first.  In one direction the force is the parabola through its
+    last three values, otherwise the chord.  The parabola's share is at most that of one that is level
+    at one end, as friction that has just turned makes the force bend sharply.
+    """
+    n = moved.size
+    size = last = along = low = high = 0.0
+    for i in range(n):
+        size += moved[i] * moved[i]
+        last += past[i] * past[i]
+        along += moved[i] * past[i]
+        low += force[i] * moved[i]
+        high += after[i] * moved[i]
+    if size == 0.0:
+        return 0.0
+    size, last = math.sqrt(size), math.sqrt(last)
+    work = 0.5 * (low + high)
+    slope = (high - low) / (size * size)
+    if along > 0.999999 * size * last and last > 0.0:
+        share = size**3 / (6.0 * (last + size)) * (slope - past[n])
+        most = abs(high - low) / 6.0
+        work -= min(max(share, -most), most)
+    for i in range(n):
+        past[i] = moved[i]
+    past[n] = slope
+    return work
+
+
+@njit
 def follow(scene, trace, y, force, targets, march, control, trail):
     """Visit the rows of ``targets`` (states, driven) one after another; y ends at the last state.
 
-    y must be an equilibrium, held by ``force`` (as in Trail); both end at the last state.  Fills
-    trail; a state that is not reached and all after it keep NaN.  Returns the number of states
-    reached and the reason of the end (a status).
+    y must be an equilibrium, held by ``force`` (as in Trail); both end at the last state, as does
+    trail.past.  Fills trail; a state that is not reached and all after it keep NaN.  Returns the number
+    of states reached and the reason of the end (a status).
     """
     work = new_work(scene)
     n = y.size
     before = y.copy()
     trial = np.empty(n)
     change = np.zeros(n)
+    after, moved, past = np.empty(n), np.zeros(n), np.empty(n + 1)
     stale = True
     done, lost = 0.0, 0.0
+    listed = pairs_at(scene, y, control.skin, work)
+    energy_of(scene, y, listed, no_slip(), np.int64(2), work)
+    stored = work.terms[0] + work.terms[1] + work.terms[2]
+    factorise_shifted(work.hessian, march.free, work.factor)
     for state in range(targets.shape[0]):
         left, iterations = 1.0, 0
         far = 0.0
@@ -177,7 +231,7 @@ def follow(scene, trace, y, force, targets, march, control, trail):
             far = max(far, abs(targets[state, j] - y[march.driven[j]]))
         part = min(1.0, march.largest / far) if far > 0.0 else 1.0
         part = 1.0 / math.ceil(1.0 / part - 1e-9)
-        smallest = part * SMALLEST
+        smallest, smallest_balanced = part * SMALLEST, part * SMALLEST_BALANCED
         while left > 1e-9:
             part = min(part, left)
             for j in range(march.driven.size):
@@ -202,11 +256,32 @@ def follow(scene, trace, y, force, targets, march, control, trail):
                     return state, status
                 stale = True
                 continue
-            # Trapezium rule with the forces on both sides of the increment.
+            energy = work.terms[0] + work.terms[1] + work.terms[2]
+            step_work = energy - stored
+            copy_to(trail.past, past)
             for i in range(n):
-                after = work.gradient[i] + scene.load[i]
-                done += 0.5 * (force[i] + after) * (trial[i] - y[i])
-                force[i] = after
+                after[i] = work.gradient[i] + scene.load[i]
+            if march.friction > 0.0:
+                for i in range(n):
+                    moved[i] = 0.0
+                # What is free moves under dead loads only, whose work is exact.
+                held = 0.0
+                for i in march.free:
+                    held += scene.load[i] * (trial[i] - y[i])
+                for i in march.driven:
+                    moved[i] = trial[i] - y[i]
+                gain = step_work + loss
+                step_work = held + work_of_increment(force, after, moved, past)
+                # Where the force bends sharply, as where yarns start to slip, it is followed closely.
+                most = BALANCED * abs(step_work) + WHOLE_BALANCED * abs(done + step_work)
+                if part > smallest_balanced and abs(step_work - gain) > most:
+                    part *= 0.5
+                    stale = True
+                    continue
+            done += step_work
+            stored = energy
+            copy_to(past, trail.past)
+            copy_to(after, force)
             lost += loss
             copy_to(y, before)
             copy_to(trial, y)

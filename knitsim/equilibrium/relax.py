@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from knitsim.equilibrium import shape, spline
-from knitsim.equilibrium.cell import pack
-from knitsim.equilibrium.fabric import CoreContact
-from knitsim.equilibrium.friction_kernels import no_slip
+from knitsim.equilibrium.cell import loop_of, pack
+from knitsim.equilibrium.fabric import CoreContact, Resolution
 from knitsim.equilibrium.model import (
     Model,
     build_model,
@@ -25,12 +24,9 @@ from knitsim.equilibrium.newton_kernels import (
     NO_DESCENT,
     NOT_FINITE,
     TOO_MANY,
-    energy_of,
-    minimise,
-    new_work,
-    pairs_at,
 )
-from knitsim.equilibrium.path_kernels import CROSSINGS_LOST, intact
+from knitsim.equilibrium.path_kernels import CROSSINGS_LOST
+from knitsim.equilibrium.solve import gradient_at, is_plain, is_stable, minimise
 from knitsim.errors import ComputationError, InputError
 from knitsim.loop.lattice import crossings_intact
 
@@ -57,6 +53,8 @@ class Relaxed:
 
     y: unknowns; wale_spacing, course_spacing (m); energy (3,): stretch, bend, contact per loop (J);
     residual (N); min_distance (diameters, NaN where nothing is near); iterations; crossings_intact.
+    stable: whether the energy without friction has a minimum here, by all unknowns of the cell; None
+    for the quarter, which cannot know (see :mod:`stability`).
     """
 
     model: Model
@@ -66,6 +64,7 @@ class Relaxed:
     min_distance: float
     iterations: int
     crossings_intact: bool
+    stable: bool | None
 
     @property
     def wale_spacing(self):
@@ -86,21 +85,38 @@ def is_intact(model, y):
     lattice = y[model.lattice :].reshape(2, 2)
     c = model.cell
     if c.wales * c.courses > 1:
-        return bool(intact(model.scene, model.trace, y, model.expected, new_work(model.scene)))
+        return is_plain(model, y)
     return crossings_intact(centreline(model, y), np.pad(lattice, ((0, 0), (0, 1))))
 
 
 def relax(fabric, resolution=None):
     """The fabric at rest (:class:`Relaxed`), both spacings free.
 
+    A cell of several loops is filled with the symmetric loop at rest, and this state is reported,
+    also where the loops would exchange yarn if nothing but friction kept them from it
+    (Relaxed.stable).
+
     Raises InputError for a resolution that is too coarse or a fabric without a start, and
     ComputationError where no start leads to an interlooped equilibrium.
     """
     model = build_model(fabric, resolution)
-    y, used = _held_start(model)
-    if fabric.set_fraction > 0.0:
-        model = with_set(model, y)
+    if model.loops > 1:
+        one = build_model(fabric, Resolution(model.cell.points, model.cell.contacts))
+        held, used = _held_start(one)
+        if fabric.set_fraction > 0.0:
+            one, model = with_set(one, held), with_set(model, spread(model, one, held))
+        alone = settle(one, held, one.free(0, 3), used)
+        y, used = spread(model, one, alone.y), alone.iterations
+    else:
+        y, used = _held_start(model)
+        if fabric.set_fraction > 0.0:
+            model = with_set(model, y)
     return settle(model, y, model.free(0, 3), used)
+
+
+def spread(model, one, y):
+    """Unknowns of a full cell's ``model`` with every loop like the state y of the one-loop model."""
+    return pack(model.cell, loop_of(one.cell, y), y[one.lattice :])
 
 
 def settle(model, y, free, used=0, scene=None):
@@ -109,13 +125,13 @@ def settle(model, y, free, used=0, scene=None):
     Raises ComputationError where it is not reached or not interlooped.
     """
     scene = model.scene if scene is None else scene
-    y, work = y.copy(), new_work(scene)
+    y = y.copy()
     control = model.control._replace(limit=RELAX_ITERATIONS)
-    status, iterations, residual = minimise(scene, y, free, no_slip(), control, work)
+    status, iterations, residual, work = minimise(model, scene, y, free, control)
     if status in (TOO_MANY, NO_DESCENT):
         # A yarn that hardly stretches or bends: whole steps on trust get on where a search crawls.
         trusting = control._replace(trust=RELAX_TRUST)
-        status, more, residual = minimise(scene, y, free, no_slip(), trusting, work)
+        status, more, residual, work = minimise(model, scene, y, free, trusting)
         iterations += more
     if status == CONVERGED and not is_intact(model, y):
         status = CROSSINGS_LOST
@@ -132,13 +148,18 @@ def settle(model, y, free, used=0, scene=None):
         float(distance) if np.isfinite(distance) else np.nan,
         used + iterations,
         True,
+        is_stable(model, scene, y, free) if model.cell.kind == "full" else None,
     )
+
+
+def held_state(fabric, resolution=None):
+    """Unknowns of the loop at equilibrium at the stated spacings, of which a set is a part."""
+    return _held_start(build_model(fabric, resolution))[0]
 
 
 def _held_start(model):
     """An interlooped equilibrium at the stated spacings, and the iterations that it took."""
     fabric, reasons = model.fabric, []
-    work = new_work(model.scene)
     control = model.control._replace(limit=RELAX_ITERATIONS)
     thin = min(fabric.diameter, fabric.loop_length / 16.0)
     for overlap, thick in _STARTS:
@@ -147,10 +168,10 @@ def _held_start(model):
         except ComputationError as error:
             reasons.append(str(error))
             continue
-        if not intact(model.scene, model.trace, y, model.expected, work):
+        if not is_plain(model, y):
             reasons.append("start not interlooped")
             continue
-        done, used = _grow(model, y, control, work)
+        done, used = _grow(model, y, control)
         if done == CONVERGED and is_intact(model, y):
             return y, used
         reasons.append(REASONS.get(done, REASONS[CROSSINGS_LOST]))
@@ -172,7 +193,7 @@ def start_from(model, overlap, thick):
     return pack(model.cell, control, [fabric.wale_spacing, 0.0, 0.0, fabric.course_spacing])
 
 
-def _grow(model, y, control, work):
+def _grow(model, y, control):
     """Equilibrium at held spacings in place, the diameter growing to its own; status, iterations."""
     own, contact = model.fabric.diameter, model.fabric.contact
     # Part of the diameter that must stay clear: a core, which scales with the diameter.
@@ -182,11 +203,11 @@ def _grow(model, y, control, work):
     total = 0
     for _ in range(_GROWTH_STEPS):
         grown = model if diameter == own else with_diameter(model, diameter)
-        status, used, _ = minimise(grown.scene, y, model.free(), no_slip(), control, work)
+        status, used, *_ = minimise(model, grown.scene, y, model.free(), control)
         total += used
         if status != CONVERGED or diameter == own:
             return status, total
-        if not intact(model.scene, model.trace, y, model.expected, work):
+        if not is_plain(model, y):
             return CROSSINGS_LOST, total
         diameter = min(own, _GROWTH * diameter)
         if core:
@@ -196,10 +217,4 @@ def _grow(model, y, control, work):
 
 def _nearest(model, y):
     """Smallest distance between contact points that count as touching (m)."""
-    work = new_work(model.scene)
-    scene = model.scene
-    pairs = pairs_at(scene, y, 0.0, work)
-    if not pairs[1].size:
-        return np.inf
-    energy_of(scene, y, pairs, no_slip(), 0, work)
-    return float(np.sqrt(work.closest[0]))
+    return gradient_at(model, model.scene, y)[1]

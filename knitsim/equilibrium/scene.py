@@ -125,11 +125,12 @@ class Touch(NamedTuple):
 
 
 class Bend(NamedTuple):
-    """Curvature of the fabric (1/m), positive with the face convex; direction that becomes curved
-    (0 course, 1 wale); active: whether the curved energies are taken at all.
+    """Angle that one loop spans about the axis of a bent fabric (rad), positive with the face convex;
+    direction that becomes curved (0 course, 1 wale); active: whether curved energies are taken at
+    all.  The curvature is the angle over the spacing along the bent direction.
     """
 
-    curvature: float
+    angle: float
     direction: int
     active: bool
 

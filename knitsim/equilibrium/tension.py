@@ -15,10 +15,9 @@ import numpy as np
 
 from knitsim.equilibrium.accuracy import increment_error, spatial_error
 from knitsim.equilibrium.curve import LOADING, RECOVERY, Curve
-from knitsim.equilibrium.friction_kernels import no_slip
-from knitsim.equilibrium.newton_kernels import energy_of, new_work, pairs_at
-from knitsim.equilibrium.path_kernels import REACHED, March, follow, new_trail
+from knitsim.equilibrium.path_kernels import REACHED, March, new_trail
 from knitsim.equilibrium.relax import REASONS, settle
+from knitsim.equilibrium.solve import follow, gradient_at
 from knitsim.errors import ComputationError, InputError
 
 # Entries of the lattice L.
@@ -27,8 +26,8 @@ _PULLED = {"course": (WALE_SPACING, COURSE_SPACING), "wale": (COURSE_SPACING, WA
 LARGEST_STRAIN = 5.0
 INCREMENT = 0.1  # largest increment of strain without friction
 FRICTION_INCREMENT = 0.02
-SLIP_ROUNDING = 0.03  # of the step's own length, see March
-LAG_PASSES = 2
+SLIP_ROUNDING = 0.02  # of the step's own length, see March
+LAG_PASSES = 4
 FORCE_TOLERANCE = 1e-6  # relative, where a force is asked for
 
 
@@ -216,10 +215,8 @@ class _Walk:
             model.expected,
         )
         self.free, self.load = tuple(free), np.asarray(load)
-        work = new_work(self.scene)
-        pairs = pairs_at(self.scene, self.y, 0.0, work)
-        energy_of(self.scene, self.y, pairs, no_slip(), 1, work)
-        self.force = work.gradient + self.scene.load
+        self.force = gradient_at(model, self.scene, self.y)[0] + self.scene.load
+        self.past = np.zeros(self.y.size + 1)
         self.rows = []
         self.reason = ""
 
@@ -228,16 +225,15 @@ class _Walk:
 
     def _go(self, targets):
         """Follow targets from the current state without keeping anything: trail, end."""
-        trail = new_trail(len(targets), len(self.y))
+        trail = new_trail(len(targets), self.past)
         y, force = self.y.copy(), self.force.copy()
         reached, status = follow(
+            self.model,
             self.scene,
-            self.model.trace,
             y,
             force,
             np.ascontiguousarray(targets),
             self.march,
-            self.model.control,
             trail,
         )
         return trail, reached, status
@@ -262,6 +258,7 @@ class _Walk:
             )
         if count:
             self.y, self.force = trail.y[count - 1].copy(), trail.force[count - 1].copy()
+            self.past = trail.past
             self.work += states.work[count - 1]
             self.lost += states.lost[count - 1]
 

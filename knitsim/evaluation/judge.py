@@ -34,7 +34,7 @@ MORE, LESS = 0.02, 0.10
 # and a tenth of the largest where contact is just lost.
 COULOMB, LAGGED = 1.25, 0.1
 GAUSS = 3  # Gauss points per span that the method states
-FINE_GAUSS, FINE_CONTACTS = 8, 4
+FINE_GAUSS, FINE_CONTACTS = 8, 2
 JUDGED = 6  # states of a test whose forces are measured
 SETTLED = 3  # slopes of the energy are read after this state
 VIEW = 4  # vertices per span of the polyline whose crossings are read
@@ -270,9 +270,15 @@ class _Judge:
             yield Finding("no work was done", len(work) - 1, whole, 0.0)
             return
         against = np.maximum(np.abs(work), FROM * whole)
-        # What the integral itself may be off by: its smoothness, and friction that sets in at an
-        # unknown place of the first step.
+        # What the integral itself may be off by: its smoothness, the error that the solver states for
+        # the forces (which wavers from state to state: added by squares), and friction that sets in
+        # at an unknown place of the first step.
         doubt = 0.5 * np.abs(work - trapezia)
+        stated = np.nan_to_num(states.numerical_error) * np.maximum(
+            np.abs(states.force), 0.01 * np.abs(states.force).max()
+        )
+        parts = 0.5 * (stated[1:] + stated[:-1]) * np.abs(np.diff(spacing))
+        doubt[1:] += np.sqrt(np.cumsum(parts**2))
         most = np.zeros(len(work))
         if self.given.friction > 0.0:
             doubt[1:] += 0.5 * abs(states.force[1] * (spacing[1] - spacing[0]))

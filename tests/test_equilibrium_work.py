@@ -1,0 +1,75 @@
+"""Work along a path: quadrature against integrals in closed form, and the balance of energy."""
+
+import math
+
+import numpy as np
+import pytest
+
+from knitsim.equilibrium.fabric import BarrierContact, Fabric, Resolution
+from knitsim.equilibrium.path_kernels import work_of_increment
+from knitsim.equilibrium.relax import relax
+from knitsim.equilibrium.tension import tensile
+from knitsim.evaluation.campaign import draw
+from knitsim.yarn.law import TensionLaw
+
+
+def summed(ways, forces):
+    """Work of a path through the points ``ways`` (n, m) with the forces (n, m)."""
+    past, total = np.zeros(ways.shape[1] + 1), []
+    for k in range(1, len(ways)):
+        total.append(work_of_increment(forces[k - 1], forces[k], ways[k] - ways[k - 1], past))
+    return np.array(total)
+
+
+def test_a_parabola_of_force_is_integrated_exactly_from_the_second_increment():
+    x = np.array([1.0, 1.3, 1.7, 1.8, 2.6])
+    force = 2.0 + 3.0 * x + 5.0 * x**2
+    exact = np.diff(2.0 * x + 1.5 * x**2 + 5.0 * x**3 / 3.0)
+    way = np.column_stack([x, np.full(5, 7.0)])
+    got = summed(way, np.column_stack([force, np.full(5, 99.0)]))
+    chord = 0.5 * (force[1:] + force[:-1]) * np.diff(x)
+    assert got[1:] == pytest.approx(exact[1:], rel=1e-13)
+    assert got[0] == pytest.approx(chord[0], rel=1e-13)
+    assert abs(got[0] - exact[0]) > 1e-3
+
+
+def test_going_back_starts_anew_with_the_chord():
+    x = np.array([0.0, 1.0, 2.0, 1.5])
+    force = x**2
+    got = summed(x[:, None], force[:, None])
+    assert got[1] == pytest.approx(7.0 / 3.0)
+    assert got[2] == pytest.approx(-0.5 * 0.5 * (4.0 + 2.25))
+
+
+def test_a_sharp_bend_adds_no_more_than_a_parabola_level_at_one_end():
+    # A steep short increment, then a long flat one: the parabola would leave the two forces.
+    x = np.array([0.0, 0.01, 1.01])
+    force = np.array([0.0, 1.0, 1.2])
+    got = summed(x[:, None], force[:, None])
+    assert got[1] == pytest.approx(1.1 + 0.2 / 6.0)
+
+
+def test_two_prescribed_entries_work_together():
+    t = np.linspace(0.0, 1.0, 6)
+    way = np.column_stack([t, 2.0 * t])
+    force = np.column_stack([t**2, 1.0 - t])
+    got = summed(way, force).sum()
+    # The first increment is a chord: its error is h^3/6 of the second derivative, 2.
+    assert got == pytest.approx(1.0 / 3.0 + 1.0 + 0.2**3 / 6.0, rel=1e-12)
+
+
+def test_work_is_stored_where_contact_points_make_the_force_waver():
+    case = draw(8, 99)  # soft in bending: its force goes up in stairs
+    law = TensionLaw(case.law_strain, case.law_tension, case.breaking_strain)
+    fabric = Fabric(
+        case.wale_spacing, case.course_spacing, case.loop_length, case.diameter,
+        case.bending_rigidity, law, BarrierContact(case.contact_stiffness),
+    )  # fmt: skip
+    relaxed = relax(fabric, Resolution(48))
+    steps = math.ceil(case.wale_strain / 0.01)
+    curve = tensile(relaxed, "wale", case.wale_strain * np.arange(1, steps + 1) / steps)
+    gap = curve.work - (curve.energy.sum(1) - relaxed.energy.sum())
+    assert curve.steps == steps
+    assert np.abs(gap).max() < 0.01 * curve.work[-1]
+    rises = np.diff(curve.force_per_loop)
+    assert rises.max() > 1.1 * rises.min()
