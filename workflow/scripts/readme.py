@@ -45,12 +45,32 @@ def timings(path):
     return table(["stage", "test", "here", "the paper"], rows)
 
 
+def bought(path):
+    """What the default buys, and the time of the cheapest setting for each error asked for."""
+    rows, asked = {}, []
+    for row in rows_of(path):
+        test = f"{row['solver']}: {row['test']}", row["quantity"]
+        asked += [row["asked"]] if row["asked"] not in ("default", *asked) else []
+        cells = rows.setdefault(test, {})
+        if not row["seconds"]:
+            cells[row["asked"]] = "not reached"
+            continue
+        time = f"{1e3 * float(row['seconds']):.3g} ms"
+        if row["asked"] == "default":
+            time = f"{100.0 * float(row['error']):.2g} % in {time}"
+        cells[row["asked"]] = time
+    columns = ["default", *asked]
+    body = [[*test, *(cells.get(c, "") for c in columns)] for test, cells in rows.items()]
+    return table(["test", "error of", *columns], body)
+
+
 results = Path(sys.argv[1] if len(sys.argv) > 1 else "results") / "tables"
 readme = Path("README.md")
 text = readme.read_text(encoding="utf-8")
 for name, content in (
     ("assumptions", assumptions(results / "assumptions.csv")),
     ("timings", timings(results / "timing.csv")),
+    ("benchmark", bought(results.parent / "benchmark/error_bought.csv")),
 ):
     text = re.sub(
         rf"(<!-- {name}: begin[^\n]*-->\n).*?(<!-- {name}: end -->)",
