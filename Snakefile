@@ -2,6 +2,10 @@
 
     snakemake -c2                          everything, into results/
     snakemake -c2 campaign                 1,000 random fabrics through the equilibrium model
+    snakemake -c2 stress                   5,000 random and worst cases, with a map of the limits
+    snakemake -c2 bending_campaign         300 random fabrics bent
+    snakemake -c2 calibration              also the calibrations that the study marks on_request
+    snakemake -c2 benchmark                run time against error in full, PyElastica beside it, scaling
     snakemake -c2 --config study=DIR       with the yarns, fabrics and scenes of another directory
 """
 
@@ -9,9 +13,12 @@ include: "workflow/rules/common.smk"
 include: "workflow/rules/compile.smk"
 include: "workflow/rules/yarn.smk"
 include: "workflow/rules/fabric.smk"
+include: "workflow/rules/measured.smk"
 include: "workflow/rules/output.smk"
 include: "workflow/rules/verification.smk"
 include: "workflow/rules/campaign.smk"
+include: "workflow/rules/benchmark.smk"
+include: "workflow/rules/stress.smk"
 
 
 rule all:
@@ -20,3 +27,4 @@ rule all:
         yarn_files(),
         fabric_files(),
         output_files(),
+        MEASURED_OUTPUT,

@@ -256,12 +256,23 @@ BENDING = {
     "course_spacing": (STATES, "m"), "energy": ((*STATES, "term"), "J"),
     "centreline": (LINE, "m"), "status": (STATES, None),
 }  # fmt: skip
+SOLVED_BENDING = BENDING | {
+    "work": (STATES, "J"), "dissipated": (STATES, "J"), "min_distance": (STATES, "1"),
+    "yarn_tension": (STATES, "N"), "yarn_strain": (STATES, "1"), "residual": (STATES, "N"),
+    "numerical_error": (STATES, "1"), "change_error": (STATES, "1"),
+}  # fmt: skip
 CONTRACT = {
     "tensile/small/kinematic_course.nc": TENSILE,
     "tensile/small/kinematic_wale.nc": TENSILE,
     "bending/small/kinematic_course.nc": BENDING,
     "bending/small/kinematic_wale.nc": BENDING,
     f"bending/{BENT[0]}/kinematic_course.nc": BENDING,
+    "bending/small/equilibrium_course.nc": SOLVED_BENDING,
+    "bending/small/equilibrium_wale.nc": SOLVED_BENDING,
+    "yarn_to_fabric/small.nc": {
+        "fabric_rigidity": (("row", "direction"), "N m"), "curl_moment": (("row", "direction"), "N"),
+        "yarn_rigidity": ((), "N m2"), "swept_loop_length": (("row",), "m"),
+    },
     "loop/small.nc": {
         "centreline": (("point", "axis"), "m"), "fibre_point": (("section", "fibre", "axis"), "m"),
         "tangent": (("section", "axis"), "1"), "wale_spacing": ((), "m"), "loop_length": ((), "m"),

@@ -75,7 +75,8 @@ def _check_keys(section, raw, where, sweeps):
             raise InputError(here, None, f"is no key; {_what_is_known(section, name)}")
     for inner in section.sections:
         if inner.named and inner.name not in tree:
-            tree[inner.name] = check_section(inner, inner.default_entries, where, sweeps)
+            default = inner.default_entries
+            tree[inner.name] = check_section(inner, default, where, sweeps) if default else {}
     return tree
 
 
@@ -184,7 +185,9 @@ def check_value(key, value, where):
     if key.kind == "numbers":
         return [_check_number(key, v, f"{where}[{i}]") for i, v in enumerate(value)]
     for i, choice in enumerate(value):
-        if not isinstance(choice, str) or choice not in key.choices:
+        if key.kind == "words" and not (isinstance(choice, str) and choice.strip()):
+            raise InputError(f"{where}[{i}]", shown(choice), "must be a name")
+        if key.kind == "choices" and choice not in key.choices:
             raise InputError(f"{where}[{i}]", shown(choice), f"must be {' or '.join(key.choices)}")
         if choice in value[:i]:
             raise InputError(f"{where}[{i}]", shown(choice), "stands twice in the list")

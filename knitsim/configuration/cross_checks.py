@@ -4,10 +4,13 @@ import itertools
 import math
 
 from knitsim.errors import InputError
+from knitsim.units import from_si
 
 # Fibre points turn with the section: beyond these a chord no longer stands for its fibre.
 LARGEST_TURN = 45.0  # degrees from section to section
 LARGEST_SURFACE_ANGLE = 60.0  # degrees, of the outermost fibre to the yarn axis
+# Of the largest curvature times half the thickness, which is at least one diameter: two yarns cross.
+TIGHTEST_BEND = 0.5
 DENSEST_PACKING = math.pi / math.sqrt(12.0)  # hexagonal, of equal circles
 
 
@@ -35,7 +38,8 @@ def check_yarn(yarn):
             )
         if yarn["compression_curve"] is not None:
             raise InputError(
-                yarn.where("compression_curve"), None,
+                yarn.where("compression_curve"),
+                None,
                 "gives the same law as core_law; keep one of them",
             )
     if surface_angle(yarn) > LARGEST_SURFACE_ANGLE:
@@ -114,4 +118,22 @@ def check_fabric(fabric):
                 *fabric.stated(quantity),
                 f"is a {what} spacing of {fabric[quantity] * 1e3:.4g} mm: must be above "
                 f"the {diameter * 1e3:.4g} mm of its yarn {fabric.yarn.name} (yarn too thick)",
+            )
+    _check_curvature(fabric, diameter)
+
+
+def _check_curvature(fabric, diameter):
+    """Raises InputError for a bending test on a cylinder that is smaller than the yarn allows."""
+    test = fabric.scene["equilibrium_bending"]
+    if test is None:
+        return
+    for name, choice in test["variants"].items():
+        if choice["max_curvature"] * diameter > TIGHTEST_BEND:
+            most = from_si(TIGHTEST_BEND / diameter, "per_cm")
+            key = f"equilibrium_bending.variants.{name}.max_curvature_per_cm"
+            raise InputError(
+                fabric.scene.where(key),
+                f"{from_si(choice['max_curvature'], 'per_cm'):g}",
+                f"must be at most {most:.4g} 1/cm for fabric {fabric.name}: the cylinder is smaller "
+                f"than its yarn of {diameter * 1e3:.4g} mm allows",
             )

@@ -39,6 +39,9 @@ COLUMNS = {
         "mN_per_tex": ("mN", "tex"),
         "gf_per_den": ("gf", "den"),
     },
+    # Ends of the band around the strain: spread of the specimens, or error.
+    "strain_low": {"": (), "percent": ("percent",)},
+    "strain_high": {"": (), "percent": ("percent",)},
     "lateral_strain": {"": (), "percent": ("percent",)},
     "force_per_width": {
         "gf_per_cm": ("gf_per_cm",),
@@ -53,6 +56,9 @@ COLUMNS = {
 # What a comment "# name_unit: number" may give, once for the whole file; all above 0.
 METADATA = {
     "gauge_length": {"mm": "mm", "um": "um", "m": "m"},
+    "width": {"mm": "mm", "m": "m"},
+    "pretension": {"N_per_mm": "N_per_mm", "N_per_m": "N_per_m", "gf_per_cm": "gf_per_cm"},
+    "machine_compliance": {"mm_per_N": "mm_per_N", "um_per_N": "um_per_N"},
     "linear_density": {"dtex": "dtex", "tex": "tex", "den": "den"},
     "count": {"dtex": "dtex", "tex": "tex", "den": "den", "Ne": "Ne", "Nm": "Nm"},
     "decimal_sign": {},
@@ -62,8 +68,13 @@ METADATA = {
 _DERIVED = {
     "strain": ("extension", "gauge_length", lambda column, length: column / length),
     "force": ("tenacity", "linear_density", lambda column, density: column * density),
+    "force_per_width": ("force", "width", lambda column, width: column / width),
 }
-_EXAMPLES = {"gauge_length": "gauge_length_mm", "linear_density": "linear_density_dtex"}
+_EXAMPLES = {
+    "gauge_length": "gauge_length_mm",
+    "linear_density": "linear_density_dtex",
+    "width": "width_mm",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,18 +109,22 @@ def read_curve(
     least_points=2,
     gauge_length=None,
     linear_density=None,
+    width=None,
+    optional=(),
 ):
     """The columns for ``quantities`` (keys of COLUMNS) of the CSV file at ``path``, as a Curve.
 
     Strain may stand in the file as extension if the gauge length (m) is known, and force as
-    tenacity if the linear density (kg/m) is; both come from the comments unless given here.
+    tenacity if the linear density (kg/m) is, and force per width as force if the width (m) is; all
+    three come from the comments unless given here.  optional: quantities that are read as well where
+    the header has them.
     rising: a quantity that may stay equal but never fall from line to line.  not_negative:
     quantities that must be 0 or above.  least_points: fewest points accepted.
 
     Raises InputError with file, line, value and what is right.
     """
     where = str(path)
-    given = {"gauge_length": gauge_length, "linear_density": linear_density}
+    given = {"gauge_length": gauge_length, "linear_density": linear_density, "width": width}
     for name, value in given.items():
         if value is not None and not 0 < value < np.inf:
             raise InputError(f"{where}: {name}", value, "must be finite and above 0")
@@ -119,6 +134,8 @@ def read_curve(
     while not names[-1]:
         names.pop()
     columns, ignored = _columns(where, header[0], names)
+    there = {name for name, _ in columns.values()}
+    quantities = (*quantities, *(name for name in optional if name in there))
     chosen = _choose(where, header[0], names, columns, quantities)
     table = delimited.table_of(where, rows, delimiter, len(names))
     used = sorted({index for index, _ in chosen.values()})

@@ -41,7 +41,7 @@ class Key:
 
     name: as in the file, with its unit.  quantity: its name inside, in SI; keys of one quantity are
     alternatives, and default, because and plausible are read from the first of them.
-    kind: number, integer, flag, choice, text, numbers (a list) or choices (a list).
+    kind: number, integer, flag, choice, text, numbers, choices or words (lists).
     unit: a unit of knitsim.units, None if dimensionless.  allowed: an interval, in the key's unit.
     default: REQUIRED, None (may be left out), a value in the key's unit, or a rule: a function of
     the SI values resolved so far that returns the SI value.
@@ -74,7 +74,7 @@ class Key:
     @property
     def is_list(self):
         """Whether one value of the key is itself a list."""
-        return self.kind in ("numbers", "choices")
+        return self.kind in ("numbers", "choices", "words")
 
     @property
     def stem(self):

@@ -9,6 +9,7 @@ import math
 
 from knitsim import units
 from knitsim.configuration.keys import REQUIRED, Key, Section
+from knitsim.configuration.measured_keys import CALIBRATIONS, MEASURED, PREDICTION, SENSITIVITY
 
 # Stages of the work, and the stages whose input each needs as well.  Key.stages refers to these.
 STAGES = {
@@ -22,6 +23,10 @@ STAGES = {
     "equilibrium_rest": ("equilibrium",),
     "equilibrium_tension": ("equilibrium_rest",),
     "equilibrium_shear": ("equilibrium_rest",),
+    "equilibrium_bending": ("equilibrium_rest",),
+    "yarn_to_fabric": ("equilibrium_rest",),
+    "calibration": ("equilibrium_rest",),
+    "sensitivity": ("equilibrium_rest",),
 }
 
 
@@ -205,6 +210,10 @@ YARN = Section(
         Key("friction", "friction", "number", "Coulomb friction coefficient of yarn on yarn.",
             allowed="[0, 1]", default=0.2, plausible=(0.1, 0.3), stages=("equilibrium",),
             because="not in the paper; waxed to unwaxed spun yarn"),
+        Key("bending_hysteresis_mN_mm", "bending_hysteresis", "number", "Couple by which the moment of "
+            "the bent yarn lags behind its curvature, half the width of its loop; used in bending of "
+            "the fabric with friction.", unit="mN_mm", allowed="[0, 1e6]", default=0.0,
+            stages=("equilibrium_bending",)),
         Key("breaking_strain", "breaking_strain", "number",
             "Strain at break; states beyond it are marked.", allowed="(0, 10]",
             default=breaking_rule, plausible=(0.7, 1.4), stages=("law",),
@@ -218,6 +227,7 @@ YARN = Section(
 FABRIC = Section(
     name="fabric",
     about="One plain weft-knitted fabric.",
+    sections=(MEASURED, CALIBRATIONS, PREDICTION),
     keys=(
         Key("source", "source", "text", "Where the data come from.", stages=ALL),
         Key("yarn", "yarn", "text", "A name in yarns.yaml.", default=REQUIRED),
@@ -463,12 +473,76 @@ EQUILIBRIUM_SHEAR = Section(
     ),
 )
 
+# What one variant of an equilibrium bending test may restate.
+EQUILIBRIUM_BENDING_KEYS = (
+    Key("friction", "friction", "flag", "Coulomb friction between yarns, with the coefficient of "
+        "the yarn, and the yarn's own bending hysteresis; false leaves both out.", default=False),
+    Key("spacings", "spacings", "choice", "Wale and course spacing: free to follow, or held at "
+        "those of rest.", choices=("free", "held"), default="free"),
+    Key("set", "set", "number", "Set of the yarn in this test, instead of the fabric's own.",
+        allowed="[0, 1]"),
+    Key("max_curvature_per_cm", "max_curvature", "number", "Largest curvature, to both sides; KES: "
+        "2.5.", unit="per_cm", allowed="(0, 100]", default=2.5),
+    Key("states", "states", "integer", "Stored states up to the largest curvature, at equal steps.",
+        allowed="[2, 10000]", default=10),
+    Key("cycles", "cycles", "integer", "Times that the fabric is bent to the face, to the back and "
+        "back to flat.", allowed="[1, 1000]", default=1),
+)
+
+EQUILIBRIUM_BENDING = Section(
+    name="equilibrium_bending",
+    about="Pure bending in the equilibrium model, from the fabric's own relaxed state held flat: to "
+    "the largest curvature with the face convex, to the same with the back convex, and back to flat.",
+    of="fabric",
+    stage="equilibrium_bending",
+    sections=(
+        Section(
+            name="variants",
+            about="Conditions of the test, each by a name of your own; the first is the "
+            "reference. A variant states what differs from the section.",
+            keys=EQUILIBRIUM_BENDING_KEYS,
+            named=True,
+            default_entries={
+                "frictionless": {},
+                "friction": {"friction": True},
+                "held": {"spacings": "held"},
+                "set_90": {"set": 0.9, "friction": True},
+            },
+        ),
+    ),
+    keys=(DIRECTIONS, *EQUILIBRIUM_BENDING_KEYS),
+)
+
+YARN_TO_FABRIC = Section(
+    name="yarn_to_fabric",
+    about="Rigidity and curl of the fabric over those of its yarn, in the equilibrium model without "
+    "friction, while loop length, yarn diameter and set change one at a time.",
+    of="fabric",
+    stage="yarn_to_fabric",
+    keys=(
+        Key("loop_length_low", "loop_length_low", "number", "Shortest loop length, over the "
+            "fabric's own.", allowed="(0, 1]", default=0.95),
+        Key("loop_length_high", "loop_length_high", "number", "Longest loop length, over the "
+            "fabric's own.", allowed="[1, 3]", default=1.15),
+        Key("diameter_low", "diameter_low", "number", "Thinnest yarn, over the fabric's own.",
+            allowed="(0, 1]", default=0.8),
+        Key("diameter_high", "diameter_high", "number", "Thickest yarn, over the fabric's own.",
+            allowed="[1, 3]", default=1.1),
+        Key("set_compared", "set_compared", "numbers", "Fractions of set at which loop length and "
+            "diameter change.", allowed="[0, 1]", default=(0.0, 0.9)),
+        Key("set_high", "set_high", "number", "Largest set, where it changes from 0 on.",
+            allowed="(0, 1]", default=0.95),
+        Key("points", "points", "integer", "Fabrics compared over each range.", allowed="[2, 1000]",
+            default=7),
+    ),
+)
+
 SCENE = Section(
     name="scene",
     about="A test programme of a yarn or of a fabric. A test that is left out is not run.",
     sections=(
         TENSILE_TEST, KINEMATIC_TENSION, KINEMATIC_BENDING, EQUILIBRIUM_REST, EQUILIBRIUM_TENSION,
-        EQUILIBRIUM_SHEAR,
+        EQUILIBRIUM_SHEAR, EQUILIBRIUM_BENDING, YARN_TO_FABRIC, SENSITIVITY,
     ),
 )
 

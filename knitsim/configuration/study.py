@@ -17,6 +17,7 @@ from knitsim import units
 from knitsim.configuration.check import check_name, check_points, check_section, shown
 from knitsim.configuration.cross_checks import check_fabric, check_yarn
 from knitsim.configuration.ledger import model_assumptions
+from knitsim.configuration.measured_checks import check_measured
 from knitsim.configuration.resolve import Resolver, expand, replaced
 from knitsim.configuration.schema import FABRIC, SCENE, YARN, closure
 from knitsim.configuration.yaml_file import read_yaml
@@ -163,12 +164,7 @@ class YarnInput(Resolved):
         """Path of the curve that ``section`` names, or None.  Raises InputError if it is missing."""
         if self[section] is None:
             return None
-        file = self[f"{section}.file"]
-        for folder in self._folders:
-            if (folder / file).is_file():
-                return folder / file
-        looked = ", ".join(dict.fromkeys(folder.as_posix() for folder in self._folders))
-        raise InputError(self.where(f"{section}.file"), shown(file), f"no such file in {looked}")
+        return _found(self, f"{section}.file")
 
     @property
     def curve_path(self):
@@ -207,14 +203,20 @@ class FabricInput(Resolved):
 
     section = FABRIC
 
-    def __init__(self, file, base, point, label, tree, yarn, scenes):
+    def __init__(self, file, base, point, label, tree, yarn, scenes, folders):
         super().__init__(file, base, point, label, tree)
         self.yarn = yarn
         self.scene = _scene_of(self, scenes, "fabric")
+        self._folders = folders
         self._check()
+        check_measured(self)
 
     def _check(self):
         check_fabric(self)
+
+    def measured_path(self, name):
+        """Path of the measured curve ``name``.  Raises InputError if there is no such file."""
+        return _found(self, f"measured.{name}.file")
 
     def assumptions(self):
         return (
@@ -273,6 +275,16 @@ def _with_value(resolved, own, parts, path, value):
     return other
 
 
+def _found(resolved, path):
+    """The file that the value at ``path`` names, in the first folder that has it."""
+    file, folders = resolved[path], resolved._folders
+    for folder in folders:
+        if (folder / file).is_file():
+            return folder / file
+    looked = ", ".join(dict.fromkeys(folder.as_posix() for folder in folders))
+    raise InputError(resolved.where(path), shown(file), f"no such file in {looked}")
+
+
 def _moved(part, row):
     return replace(row, path=f"{part}.{row.path}")
 
@@ -302,7 +314,10 @@ class Study:
 
     def __init__(self, path, yarns, fabrics, scenes):
         self.path, self.yarns, self.fabrics, self.scenes = path, yarns, fabrics, scenes
-        curves = [y.curve_path for y in yarns.values()] + [y.compression_path for y in yarns.values()]
+        curves = [y.curve_path for y in yarns.values()] + [
+            y.compression_path for y in yarns.values()
+        ]
+        curves += [f.measured_path(name) for f in fabrics.values() for name in f["measured"]]
         self.files = [path / f"{name}.yaml" for name in ("yarns", "fabrics", "scenes")]
         self.files += list(dict.fromkeys(curve for curve in curves if curve is not None))
 
@@ -337,7 +352,7 @@ def load_study(path, fallback="config"):
             for yarn_label, yarn in _yarns_of(one, f"{file}: {base}", yarns, points_of):
                 point_and_yarn = point | (yarn.point if yarn_label else {})
                 both = ",".join(part for part in (label, yarn_label) if part)
-                fabric = FabricInput(file, base, point_and_yarn, both, one, yarn, scenes)
+                fabric = FabricInput(file, base, point_and_yarn, both, one, yarn, scenes, folders)
                 fabrics[fabric.name] = fabric
     return Study(path, yarns, fabrics, scenes)
 

@@ -49,7 +49,7 @@ def _flat(corrected, along):
     return flat.centreline.values[:, along]
 
 
-def _states(bending):
+def states_of(bending):
     """Numbers of the states at the largest and half of it, to the back and to the face side."""
     curvature = bending.curvature.values
     face = [state_at(bending, "curvature", share * curvature.max()) for share in (0.5, 1.0)]
@@ -83,7 +83,7 @@ def fig10_bending_curvature(bending_course, bending_wale):
         _curvature_row(row, bending, direction)
     handles = [
         Line2D([], [], color=colour, linewidth=3.0, label=_legend_text(tests.values(), step))
-        for step, colour in zip(_states(bending_course), CURVATURE_COLOURS, strict=True)
+        for step, colour in zip(states_of(bending_course), CURVATURE_COLOURS, strict=True)
     ]
     handles += [
         Line2D([], [], color="black", marker="o", markersize=3, label="corrected"),
@@ -115,7 +115,7 @@ def _curvature_row(axes, bending, direction):
     # Where the angle is next to nothing, so is what is known of the curvature.
     start = np.where(np.abs(start) < 0.02 * np.ptp(start), np.nan, start)
     length = float(bending.model_length)
-    for step, colour in zip(_states(bending), CURVATURE_COLOURS, strict=True):
+    for step, colour in zip(states_of(bending), CURVATURE_COLOURS, strict=True):
         curvature = float(bending.curvature[step])
         for form, curve in forms.items():
             if curve is None:
@@ -167,9 +167,9 @@ def fig11_bending(bending_course, bending_wale):
     )
     for k, (direction, bending) in enumerate(tests.items()):
         corrected, printed = _forms(bending)
-        back, face = _states(bending)[:2], _states(bending)[2:]
+        back, face = states_of(bending)[:2], states_of(bending)[2:]
         drawn = [
-            _bent(corrected.isel(step=step), direction)
+            bent_piece(corrected.isel(step=step), direction)
             for step in (*back, state_at(bending, "curvature", 0.0), *face)
         ]
         if printed is not None:
@@ -177,20 +177,7 @@ def fig11_bending(bending_course, bending_wale):
             drawn.append(
                 _printed(printed.isel(step=largest), corrected.isel(step=largest), direction)
             )
-        # One scale for all: every window as large as the largest.
-        radius = 0.5 * float(bending.diameter)
-        corners = []
-        for courses, _, _, _ in drawn:
-            seen = view_of(VIEW[direction]).project(np.concatenate(courses))[:, :2]
-            corners.append((seen.min(0) - 1.5 * radius, seen.max(0) + 1.5 * radius))
-        half = 0.5 * np.max([high - low for low, high in corners], axis=0)
-        for panel, (courses, colours, title, ink), (low, high) in zip(
-            axes[2 * k : 2 * k + 2].flat, drawn, corners, strict=False
-        ):
-            x, y = 0.5 * (low + high)
-            window = (x - half[0], x + half[0], y - half[1], y + half[1])
-            draw_tubes(panel, courses, radius, colours, VIEW[direction], window=window)
-            panel.set_title(title, color=ink, fontsize=7.5)
+        draw_pieces(axes[2 * k : 2 * k + 2].flat, drawn, 0.5 * float(bending.diameter), direction)
         for panel in axes[2 * k : 2 * k + 2].flat[len(drawn) :]:
             panel.set_axis_off()
     fig.supxlabel(
@@ -202,18 +189,43 @@ def fig11_bending(bending_course, bending_wale):
     return fig
 
 
-def _bent(state, direction):
-    """Courses, their colours, title and its colour of the fabric in a state of the bending test."""
+def draw_pieces(axes, drawn, radius, direction, view=None):
+    """Pieces as :func:`bent_piece` gives them, all to one scale; further axes are left alone.
+
+    radius (m) of the yarn; view: as :func:`knitsim.figures.tubes.view_of` takes it, by default the
+    slanted one of Fig. 11.
+    """
+    view = VIEW[direction] if view is None else view
+    # One scale for all: every window as large as the largest.
+    corners = []
+    for courses, _, _, _ in drawn:
+        seen = view_of(view).project(np.concatenate(courses))[:, :2]
+        corners.append((seen.min(0) - 1.5 * radius, seen.max(0) + 1.5 * radius))
+    half = 0.5 * np.max([high - low for low, high in corners], axis=0)
+    for panel, (courses, colours, title, ink), (low, high) in zip(
+        axes, drawn, corners, strict=False
+    ):
+        x, y = 0.5 * (low + high)
+        window = (x - half[0], x + half[0], y - half[1], y + half[1])
+        draw_tubes(panel, courses, radius, colours, view, window=window)
+        panel.set_title(title, color=ink, fontsize=7.5)
+
+
+def bent_piece(state, direction, along=None, across=None):
+    """(courses, their colours, title and its colour) of the fabric in a state of a bending test.
+
+    along, across: loops along the bent direction and across it.
+    """
     wide, high = LOOPS[direction]
-    curvature, along = float(state.curvature), DIRECTIONS.index(direction)
+    if along is not None:
+        wide, high = (along, across) if direction == "course" else (across, along)
+    curvature, axis = float(state.curvature), DIRECTIONS.index(direction)
     spacings = float(state.wale_spacing), float(state.course_spacing)
-    courses = bent_courses(
-        thinned(state).centreline.values, *spacings, wide, high, curvature, along
-    )
+    courses = bent_courses(thinned(state).centreline.values, *spacings, wide, high, curvature, axis)
     # The middle of the piece lies flat, at the origin.
     middle = -0.5 * np.array([wide * spacings[0], high * spacings[1], 0.0])
-    across = np.where(np.arange(3) == along, 0.0, middle)
-    courses = [rolled(course, curvature, middle[along], along) + across for course in courses]
+    shift = np.where(np.arange(3) == axis, 0.0, middle)
+    courses = [rolled(course, curvature, middle[axis], axis) + shift for course in courses]
     colours = [YARN_COLOURS["dark" if row % 2 else "pale"] for row in range(high)]
     side = "flat" if curvature == 0 else f"{'face' if curvature > 0 else 'back'} convex"
     broken = is_beyond_break(state)
@@ -230,7 +242,7 @@ def _per_cm(curvature):
 
 
 def _printed(printed, corrected, direction):
-    """As :func:`_bent`: one model as printed, among one as it should be, side by side across."""
+    """As :func:`bent_piece`: one model as printed, among one as it should be, side by side across."""
     wide, high = LOOPS[direction]
     across = 1 - DIRECTIONS.index(direction)
     step = np.zeros(3)

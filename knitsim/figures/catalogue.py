@@ -16,6 +16,11 @@ FILES = {
     "bending_wale": "bending/{subject}/kinematic_wale.nc",
     "equilibrium_course": "tensile/{subject}/equilibrium_course.nc",
     "equilibrium_wale": "tensile/{subject}/equilibrium_wale.nc",
+    "bent_course": "bending/{subject}/equilibrium_course.nc",
+    "bent_wale": "bending/{subject}/equilibrium_wale.nc",
+    "kes": "kes/{subject}.nc",
+    "rigidity": "yarn_to_fabric/{subject}.nc",
+    "sensitivity": "sensitivity/{subject}.nc",
     "verification": "verification/cases.nc",
 }
 
@@ -39,6 +44,7 @@ class Figure:
 _BOTH = ("tension_course", "tension_wale")
 _SOLVED = ("equilibrium_course", "equilibrium_wale")
 _BENT = ("bending_course", "bending_wale")
+_CURLED = ("bent_course", "bent_wale")
 
 FIGURES = (
     Figure("fig01_yarn_springs", "yarn", "yarn", "yarn", ("yarn",)),
@@ -74,6 +80,14 @@ FIGURES = (
         "fig16_equilibrium_tension", "equilibrium", "equilibrium_tension", "fabric",
         _SOLVED,
     ),
+    Figure(
+        "fig18_equilibrium_bending", "bent", "equilibrium_bending", "fabric", _CURLED, _BENT,
+    ),
+    Figure("fig19_bent_shapes", "bent", "equilibrium_bending", "fabric", _CURLED, _BENT),
+    Figure("fig20_kes_chart", "bent", "kes_chart", "fabric", ("kes", "relaxed")),
+    Figure("fig21_yarn_to_fabric", "bent", "yarn_to_fabric", "fabric", ("rigidity",)),
+    Figure("fig22_set", "bent", "yarn_to_fabric", "fabric", ("rigidity",)),
+    Figure("fig33_sensitivity", "sensitivity", "sensitivity", "fabric", ("sensitivity",)),
     Figure("fig17_verification", "verification", "verification", "study", ("verification",)),
 )  # fmt: skip
 

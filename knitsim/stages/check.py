@@ -1,5 +1,6 @@
 """The checks of a study that need the models: does every yarn, loop and fabric exist."""
 
+from knitsim.configuration.measured_curve import read_measured
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
 from knitsim.stages.laws import calibration_of, laws_of
 from knitsim.stages.loop import loop_of
@@ -10,13 +11,15 @@ def check_study(study):
     """Build every yarn's section and laws and every fabric's loop of a Study; nothing is computed.
 
     A loop is built only for a fabric whose scene has a test of the kinematic model: the equilibrium
-    model finds its own.  Raises InputError for the first that cannot be.
+    model finds its own.  Measured curves are read.  Raises InputError for the first that cannot be.
     """
     laws = {}
     for yarn in study.yarns.values():
         layout_of(yarn)
         laws[yarn.name] = laws_of(yarn, calibration_of(yarn))["continuous"]
     for fabric in study.fabrics.values():
+        for name in fabric["measured"]:
+            read_measured(fabric, name)
         if fabric.scene.needs_loop:
             loop_of(fabric)
         if fabric.scene["equilibrium_rest"] is not None:

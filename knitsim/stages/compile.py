@@ -30,13 +30,14 @@ def _fabric(study):
 
 
 def _equilibrium(study):
-    from knitsim.stages import equilibrium_rest, equilibrium_tension
+    from knitsim.stages import equilibrium_bending, equilibrium_rest, equilibrium_tension
     from knitsim.stages.laws import laws_of
 
     for fabric in study.fabrics.values():
         laws = laws_of(fabric.yarn, None)
         equilibrium_rest.run(fabric, laws)
         equilibrium_tension.run(fabric, laws, "course")
+        equilibrium_bending.run(fabric, laws, "course")
 
 
 def _figures(study):

@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 
 from knitsim.equilibrium.fabric import BarrierContact, CoreContact, Fabric, Resolution
+from knitsim.stages.needs import cell_of
 from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES, VARIABLES
 from knitsim.yarn.compression import fit_barrier_file
 
@@ -38,8 +39,8 @@ def solver_fabric(fabric, law, *, friction=False, set_fraction=None, loop_length
 
 def resolution_of(fabric):
     """Resolution that the scene asks for."""
-    rest = fabric.scene["equilibrium_rest"]
-    return Resolution(points=rest["points"], cell=rest["cell"])
+    points = fabric.scene["equilibrium_rest"]["points"]
+    return Resolution(points=points, cell=cell_of(fabric.scene, "equilibrium_rest"))
 
 
 def from_rest(curve, relaxed):
@@ -65,27 +66,41 @@ def from_rest(curve, relaxed):
     return curve.replaced(**rows)
 
 
+def padding(reached, steps=None):
+    """A function that fills an array (reached, ...) up to ``steps`` rows, by default as it is.
+
+    It takes the array and what stands in the rows that were not reached, not a number by default.
+    """
+    steps = reached if steps is None else steps
+
+    def padded(values, fill=np.nan):
+        values = np.asarray(values)
+        out = np.full((steps, *values.shape[1:]), fill, dtype=np.result_type(values, type(fill)))
+        out[:reached] = values
+        return out
+
+    return padded
+
+
+def status_of(yarn_strain, breaking_strain, steps=None):
+    """Status flags (int8) of states by their yarn strain (reached,), padded to ``steps``."""
+    status = np.where(
+        yarn_strain > breaking_strain,
+        _STATES.index("beyond_breaking_strain"),
+        _STATES.index("valid"),
+    )
+    missing = _STATES.index("not_converged")
+    return padding(status.size, steps)(status, missing).astype(np.int8)
+
+
 def curve_dataset(curve, relaxed, breaking_strain, steps=None, along="strain"):
     """Dataset of a knitsim.equilibrium Curve, padded to ``steps`` stored states.
 
     along: name of the coordinate that the test goes through, ``strain`` or ``shear_angle``.  Rows
     that were not reached hold no numbers and the status not_converged.
     """
-    n = curve.steps
-    steps = n if steps is None else steps
-    status = np.full(steps, _STATES.index("not_converged"), dtype=np.int8)
-    status[:n] = np.where(
-        curve.yarn_strain > breaking_strain,
-        _STATES.index("beyond_breaking_strain"),
-        _STATES.index("valid"),
-    )
-
-    def padded(values, fill=np.nan):
-        values = np.asarray(values)
-        out = np.full((steps, *values.shape[1:]), fill, dtype=np.result_type(values, type(fill)))
-        out[:n] = values
-        return out
-
+    padded = padding(curve.steps, steps)
+    status = status_of(curve.yarn_strain, breaking_strain, steps)
     variables = {
         "force_per_loop": padded(curve.force_per_loop),
         "force_per_width": padded(curve.force_per_width),
@@ -111,7 +126,7 @@ def curve_dataset(curve, relaxed, breaking_strain, steps=None, along="strain"):
     return xr.Dataset(
         data,
         {
-            "step": np.arange(steps),
+            "step": np.arange(status.size),
             "term": list(ENERGY_TERMS),
             "point": np.arange(points.shape[1]),
             "axis": list(AXES),

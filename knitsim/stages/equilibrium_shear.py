@@ -6,6 +6,7 @@ from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.relax import relax
 from knitsim.equilibrium.tension import shear
 from knitsim.stages.equilibrium import curve_dataset, solver_fabric
+from knitsim.stages.needs import cell_of
 from knitsim.store.timing import Timings
 from knitsim.store.writer import describe
 
@@ -25,8 +26,8 @@ def run(fabric, laws):
     test = fabric.scene[STAGE]
     law = laws["continuous"]
     built = solver_fabric(fabric, law, friction=test["friction"])
-    # Shear has no mirror symmetry: the quarter of a loop does not carry it.
-    resolution = Resolution(points=fabric.scene["equilibrium_rest"]["points"], cell="full")
+    points = fabric.scene["equilibrium_rest"]["points"]
+    resolution = Resolution(points=points, cell=cell_of(fabric.scene, STAGE))
     relaxed = relax(built, resolution)
     with timings.measure("shear"):
         curve = shear(relaxed, angles_of(test), tension=test["tension"])

@@ -10,6 +10,8 @@ from knitsim.equilibrium.tension import tensile
 from knitsim.stages.equilibrium import curve_dataset, from_rest, resolution_of, solver_fabric
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
+from knitsim.stages.needs import solves_recovery
+from knitsim.stages.reversible import there_and_back
 from knitsim.store.tensile import stack_variants
 from knitsim.store.timing import Timings
 from knitsim.store.writer import describe, to_json
@@ -40,9 +42,16 @@ def _solve(fabric, law, choice, direction):
     built = solver_fabric(fabric, law, friction=choice["friction"])
     relaxed = relax(built, resolution_of(fabric))
     strains = _strains(choice, direction)
-    curve = tensile(relaxed, direction, strains, estimate_error=True, **_conditions(choice))
     # Under a lateral load the fabric at its relaxed spacing carries a force: it does not start at rest.
-    return relaxed, curve if choice["lateral"] == "loaded" else from_rest(curve, relaxed)
+    loaded = choice["lateral"] == "loaded"
+    conditions = _conditions(choice)
+    back = conditions["recovery"] and not solves_recovery(choice) and not loaded
+    if back:
+        conditions |= {"recovery": False, "cycles": 1}
+    curve = tensile(relaxed, direction, strains, estimate_error=True, **conditions)
+    if back:
+        curve = there_and_back(curve, relaxed, choice["cycles"])
+    return relaxed, curve if loaded else from_rest(curve, relaxed)
 
 
 def headlines(fabric, direction):

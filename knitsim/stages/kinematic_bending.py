@@ -9,6 +9,7 @@ from knitsim.kinematic.bending import bending_test, bent_points, fibre_points, s
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
 from knitsim.stages.loop import loop_of
+from knitsim.stages.needs import stores_fibres
 from knitsim.stages.yarn import layout_of, signed_twist
 from knitsim.store.schema import VARIABLES
 from knitsim.store.tensile import stack_variants, test_dataset
@@ -49,7 +50,7 @@ def _dataset(loop, curve, fabric, store):
     dataset = test_dataset(
         "curvature", curve.curvature, curve.recovery, variables, stretch_energy=curve.energy
     )
-    if "fibres" in store:
+    if stores_fibres(store):
         layout = layout_of(fabric.yarn)
         shape = (steps, count, layout.fibres, 3)
         fibres = np.full(shape, np.nan)

@@ -16,6 +16,7 @@ from knitsim.loop.lattice import smallest_distance
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
 from knitsim.stages.loop import loop_of
+from knitsim.stages.needs import stores_fibres
 from knitsim.stages.yarn import layout_of, signed_twist
 from knitsim.store.tensile import stack_variants, test_dataset
 from knitsim.store.timing import Timings
@@ -72,7 +73,7 @@ def _dataset(loop, curve, fabric, store):
     dataset = test_dataset(
         "strain", curve.strain, curve.recovery, variables, stretch_energy=curve.energy
     )
-    if "fibres" in store:
+    if stores_fibres(store):
         layout = layout_of(fabric.yarn)
         fibres = fibre_points(loop, curve, layout.positions, signed_twist(fabric.yarn), count)
         dataset["fibre_point"] = (("step", "section", "fibre", "axis"), fibres)

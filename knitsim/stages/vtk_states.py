@@ -20,12 +20,15 @@ def _states(dataset, axis):
     lines = reference["centreline"].values
     stride = max(1, (lines.shape[1] - 1) // MOST_POINTS)
     keep = np.unique(np.append(np.arange(0, lines.shape[1], stride), lines.shape[1] - 1))
-    along = "curvature" if bent else "strain"
+    along, shown = "curvature" if bent else "strain", set()
     for k in range(reference.sizes["step"]):
         if not bent and reference["phase"].values[k] != "loading":
             continue
         spacings = float(reference["wale_spacing"][k]), float(reference["course_spacing"][k])
         value = float(reference[along][k])
+        if bent and value in shown:
+            continue  # on the way back, or in another cycle
+        shown.add(value)
         if bent:
             courses = bent_courses(lines[k, keep], *spacings, LOOPS, LOOPS, value, axis)
         else:

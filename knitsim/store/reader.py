@@ -15,6 +15,10 @@ _KINDS = {
     "tensile": ("fabric", "test"),
     "bending": ("fabric", "test"),
     "shear": ("fabric", "test"),
+    "yarn_to_fabric": ("fabric",),
+    "kes": ("fabric",),
+    "sensitivity": ("fabric",),
+    "measured": ("fabric", "calibration"),
 }
 _MODELS = ("kinematic", "equilibrium")
 

@@ -54,8 +54,10 @@ except InputError as error:
 PARTS = ("equilibrium", "figures", "yarn", "fabric")
 # The chain through the equilibrium tests is the longest: first, but after its own compilation.
 EQUILIBRIUM_PRIORITY = 1 if marker("equilibrium").exists() else -1
-UNDIRECTED_TESTS = ("equilibrium_rest", "equilibrium_shear")
-FABRIC_TESTS = ("kinematic_tension", "kinematic_bending", "equilibrium_tension")
+UNDIRECTED_TESTS = ("equilibrium_rest", "equilibrium_shear", "yarn_to_fabric", "sensitivity")
+FABRIC_TESTS = (
+    "kinematic_tension", "kinematic_bending", "equilibrium_tension", "equilibrium_bending"
+)
 
 
 def results(pattern):
@@ -117,6 +119,7 @@ def fabric_files():
 
 
 def tests_of(wildcards):
+    """The result files of the tests of a fabric that have a direction."""
     fabric = wildcards.fabric
     return [
         path
@@ -128,10 +131,29 @@ def tests_of(wildcards):
     ]
 
 
+# Tests that have KES parameters.
+KES_TESTS = {*FABRIC_TESTS, "equilibrium_shear"}
+FABRICS_WITH_KES = [
+    name
+    for name, fabric in STUDY.fabrics.items()
+    if any(fabric.scene[test] is not None for test in KES_TESTS)
+]
+
+
+def kes_tests_of(wildcards):
+    shear = "equilibrium_shear" if wildcards.fabric in fabrics_with("equilibrium_shear") else None
+    return tests_of(wildcards) + (
+        expand(getattr(rules, shear).output.result, fabric=wildcards.fabric) if shear else []
+    )
+
+
 def output_files():
     vtk = expand(rules.vtk.output.directory, fabric=STUDY.fabrics)
+    kes = expand(rules.kes.output.result, fabric=FABRICS_WITH_KES)
     verified = [*rules.verification.output, *rules.figures_verification.output]
-    return [*rules.tables.output, *vtk, *FIGURES, *verified]
+    verified += rules.skipping.output
+    verified += rules.benchmark_quick.output
+    return [*rules.tables.output, *kes, *vtk, *FIGURES, *verified]
 
 
 wildcard_constraints:

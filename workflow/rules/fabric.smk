@@ -95,3 +95,50 @@ rule equilibrium_shear:
     priority: EQUILIBRIUM_PRIORITY
     script:
         "../scripts/fabric_test.py"
+
+
+rule equilibrium_bending:
+    input:
+        yarn=yarn_of,
+        compression=compression_of,
+    output:
+        result=results("bending/{fabric}/equilibrium_{direction}.nc"),
+        timings=timings_of("equilibrium_bending_{fabric}_{direction}"),
+    log:
+        log_of("equilibrium_bending_{fabric}_{direction}"),
+    params:
+        inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "equilibrium_bending"),
+        source=source_hash("knitsim.stages.equilibrium_bending"),
+    priority: EQUILIBRIUM_PRIORITY
+    script:
+        "../scripts/fabric_test.py"
+
+
+rule yarn_to_fabric:
+    input:
+        yarn=yarn_of,
+        compression=compression_of,
+    output:
+        result=results("yarn_to_fabric/{fabric}.nc"),
+        timings=timings_of("yarn_to_fabric_{fabric}"),
+    log:
+        log_of("yarn_to_fabric_{fabric}"),
+    params:
+        inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "yarn_to_fabric"),
+        source=source_hash("knitsim.stages.yarn_to_fabric"),
+    priority: EQUILIBRIUM_PRIORITY
+    script:
+        "../scripts/fabric_test.py"
+
+
+rule kes:
+    input:
+        kes_tests_of,
+    output:
+        result=results("kes/{fabric}.nc"),
+    log:
+        log_of("kes_{fabric}"),
+    params:
+        source=source_hash("knitsim.stages.kes"),
+    script:
+        "../scripts/kes.py"

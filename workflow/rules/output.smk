@@ -4,11 +4,13 @@
 rule tables:
     input:
         results=[*yarn_files(), *fabric_files()],
+        kes_of_fabrics=expand(rules.kes.output.result, fabric=FABRICS_WITH_KES),
         timings=[
             timings_of(name)
             for name in [
                 *(f"compile_{part}" for part in PARTS),
                 "verification",
+                *MEASURED_STAGES,
                 *(f"yarn_{yarn}" for yarn in STUDY.yarns),
                 *(f"loop_{fabric}" for fabric in FABRICS_WITH_LOOP),
                 *(
@@ -29,6 +31,7 @@ rule tables:
         assumptions=results("tables/assumptions.csv"),
         corrections=results("tables/corrections.csv"),
         kes=results("tables/kes.csv"),
+        curl=results("tables/curl.csv"),
     log:
         log_of("tables"),
     params:
@@ -57,7 +60,8 @@ FIGURES = []
 for group in catalogue.GROUPS:
     for of, subjects in (("yarn", STUDY.yarns), ("fabric", STUDY.fabrics)):
         for number, subject in enumerate(subjects):
-            made = set(yarn_files() + fabric_files())
+            made = {*yarn_files(), *fabric_files()}
+            made.update(expand(rules.kes.output.result, fabric=FABRICS_WITH_KES))
             files = {
                 name: results(pattern.format(subject=subject))
                 for name, pattern in catalogue.FILES.items()

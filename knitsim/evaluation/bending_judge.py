@@ -1,0 +1,353 @@
+"""Is a test of a fabric right that keeps few states, by tension or by bending?
+
+Judged by code that shares nothing with the solver (:mod:`bending_judge_energy`), from what the solver
+says and what an engineer could measure on the shapes alone.  Where :mod:`judge` integrates the force
+over many stored states, this one reads pairs of states close together: the work between them, by
+their mean load, is what was stored and rubbed away.  The limits that both share are those of
+:mod:`judge`; PAIR, CLOSE, BEND, COULOMB and LAGGED took their values on trial cases of other seeds.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from knitsim.evaluation.bending_judge_energy import BentEnergy
+from knitsim.evaluation.judge import (
+    BALANCE,
+    FINE_CONTACTS,
+    FINE_FORCE,
+    FINE_GAUSS,
+    FORCE,
+    GAUSS,
+    PLAIN_KNIT,
+    RESIDUAL,
+    ROUND_OFF,
+    SAME,
+    VIEW,
+    Finding,
+    crossings,
+)
+from knitsim.evaluation.judge_energy import ROUNDED_STRAIN, control_of, design
+
+CLOSE = 0.03  # of the largest load coordinate: states at most this far apart are a pair
+PAIR = 0.03  # of the work between a pair that may go astray
+# As in :mod:`judge`, for friction to 1 and long steps.
+COULOMB, LAGGED = 1.5, 0.2
+BEND = 0.1  # of the change of the load between a pair that a chord may miss
+UNLOADED = 1e-3  # of the largest force: a test that went back to zero force ends below it
+FORCES = 5  # states whose equilibrium is measured
+VIEWED = 5  # states whose crossings are read
+
+
+@dataclass(frozen=True)
+class Test:
+    """What was asked of a fabric.
+
+    kind: "tension" or "bending"; direction: "course" or "wale", that was pulled or bent; free: whether
+    the other spacing (in bending both) was free or held; asked: strains or curvatures (1/m) that the
+    test says it has reached, in order, None where it stopped early; unloads: whether it says that its
+    last state is back at zero force; fine_steps: whether its steps were those of the method, so that
+    its work is exact to BALANCE.
+    """
+
+    __test__ = False  # no test of pytest
+
+    kind: str
+    direction: str
+    free: bool = True
+    asked: tuple | None = None
+    unloads: bool = False
+    fine_steps: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class TestStates:
+    """States of a test, the first flat and at rest; (n,) unless said.
+
+    centreline (n, 2 points + 1, 3), m, in the fabric's own flat coordinates: as in :class:`judge.States`;
+    wale_spacing, course_spacing (m, in the mean plane); coordinate: strain or curvature (1/m); load:
+    force along the pull (N per loop), or moment over the transverse spacing at rest (N); energy (n, 3):
+    stretch, bending, contact (J per loop); work, dissipated: cumulative (J per loop); min_distance: in
+    diameters, NaN where nothing is near; numerical_error: what the solver says that the load may be off
+    by, over max(|load|, 1 % of the largest), NaN where it does not say.
+    """
+
+    __test__ = False
+
+    centreline: np.ndarray
+    wale_spacing: np.ndarray
+    course_spacing: np.ndarray
+    coordinate: np.ndarray
+    load: np.ndarray
+    energy: np.ndarray
+    work: np.ndarray
+    dissipated: np.ndarray
+    min_distance: np.ndarray
+    numerical_error: np.ndarray
+
+
+def judge_test(given, states, test):
+    """Findings (a list, empty for right) about the states of one test.
+
+    given: :class:`judge_energy.Given`; states: TestStates; test: Test.  States that are not numbers, or
+    whose shape is not what it should be, are not judged further.
+    """
+    return (
+        _sound(given, states, test)
+        or _interlooped(states)
+        or _Judge(given, states, test).findings()
+    )
+
+
+def _sound(given, states, test):
+    """Finite, of the right shape, at the strains or curvatures that were asked."""
+    findings = []
+    for name, values in vars(states).items():
+        bad = ~np.isfinite(values).reshape(len(values), -1).all(1)
+        if name not in ("min_distance", "numerical_error"):
+            findings += [
+                Finding(f"{name} is not finite", int(i), np.nan, 0.0) for i in np.flatnonzero(bad)
+            ]
+    if findings:
+        return findings
+    n = given.points
+    middle, turns = design(n, np.arange(n) + 0.5)
+    for i, line in enumerate(states.centreline):
+        width = states.wale_spacing[i]
+        spline = middle @ control_of(line[:-1:2], width)
+        spline[:, 0] += turns * width
+        off = max(
+            np.abs(spline - line[1::2]).max(), np.abs(line[-1] - line[0] - [width, 0.0, 0.0]).max()
+        )
+        if off > SAME * given.diameter:
+            findings.append(Finding("centre line is no periodic cubic spline", i, off, SAME))
+        # The plane to which spacings and curvature belong is the mean of the centre line.
+        off = abs(control_of(line[:-1:2], width)[:, 2].mean())
+        if off > SAME * given.diameter:
+            findings.append(Finding("mean plane is not at zero thickness", i, off, SAME))
+    spacing = states.wale_spacing if test.direction == "course" else states.course_spacing
+    held = []
+    if test.kind == "tension":
+        off = np.abs(spacing / spacing[0] - 1.0 - states.coordinate)
+        findings += _above("strain is not that of the spacing", off, SAME)
+        if not test.free:
+            held = [states.course_spacing if test.direction == "course" else states.wale_spacing]
+    elif not test.free:
+        held = [states.wale_spacing, states.course_spacing]
+    for values in held:
+        findings += _above("a held spacing has changed", np.abs(values / values[0] - 1.0), SAME)
+    if test.asked is not None:
+        asked = np.asarray(test.asked)
+        if len(asked) > len(states.coordinate):
+            last = len(states.coordinate) - 1
+            findings.append(Finding("asked states are missing", last, last + 1, len(asked)))
+        else:
+            off = np.abs(states.coordinate[: len(asked)] - asked)
+            findings += _above(
+                "asked state not reached", off / max(np.abs(asked).max(), 1e-3), SAME
+            )
+    return findings
+
+
+def _interlooped(states):
+    findings = []
+    count, points = len(states.load), (states.centreline.shape[1] - 1) // 2
+    matrix, turns = design(points, np.arange(VIEW * points + 1) / VIEW)
+    for i in _spread(count, VIEWED):
+        line, width = states.centreline[i], states.wale_spacing[i]
+        vertices = matrix @ control_of(line[:-1:2], width)
+        vertices[:, 0] += turns * width
+        read = tuple(crossings(vertices, width, states.course_spacing[i]))
+        if not any(read[k:] + read[:k] == PLAIN_KNIT for k in range(len(read))):
+            findings.append(Finding("crossings are not those of plain knit", int(i), len(read), 8))
+    return findings
+
+
+class _Judge:
+    """Measurements of sound states."""
+
+    def __init__(self, given, states, test):
+        self.given, self.states, self.test = given, states, test
+        self.bends = test.kind == "bending"
+        bent = 1 if test.direction == "wale" else 0
+        self.pulled = bent
+        self.energy = BentEnergy(given, GAUSS, given.contacts, ROUNDED_STRAIN, bent)
+        self.curvature = states.coordinate if self.bends else np.zeros(len(states.load))
+        self.shapes = [self.energy.shape(*self._placed(i)) for i in range(len(states.load))]
+        slope = given.law_tension[1] / given.law_strain[1]
+        self.noise = RESIDUAL * given.bending_rigidity / given.diameter**2 + ROUND_OFF * slope
+        # The load of one loop and the coordinate that it works along: in bending the couple, and the
+        # angle that the loop spans.
+        self.load, self.along = states.load, np.array([s.lattice[bent] for s in self.shapes])
+        if self.bends:
+            self.load = states.load * self.shapes[0].lattice[1 - bent]
+            self.along = self.curvature * self.along
+
+    def _fine(self):
+        """The same energy by finer integrals, the law without rounded kinks."""
+        contacts = FINE_CONTACTS * self.given.contacts
+        return BentEnergy(self.given, FINE_GAUSS, contacts, 0.0, self.energy.axes[0])
+
+    def _placed(self, i):
+        s = self.states
+        control = control_of(s.centreline[i][:-1:2], s.wale_spacing[i])
+        return control, s.wale_spacing[i], s.course_spacing[i], self.curvature[i]
+
+    def findings(self):
+        stored = np.array([self.energy.terms(shape) for shape in self.shapes])
+        return [
+            *self._energies(stored),
+            *self._distances(),
+            *self._forces(),
+            *self._balance(stored.sum(1)),
+            *self._pairs(stored.sum(1)),
+        ]
+
+    def _energies(self, stored):
+        whole = stored.sum(1)
+        off = np.abs(self.states.energy - stored).max(1) / whole
+        yield from _above("energy is not that of the shape", off, SAME)
+        if not self.bends:
+            # At rest a fabric has the least energy near it; a bent one may have less, as it curls.
+            yield from _above("energy is below that at rest", 1.0 - whole / whole[0], SAME)
+
+    def _distances(self):
+        own = np.array([shape.distance.min(initial=np.inf) for shape in self.shapes])
+        near = np.isfinite(own)
+        off = np.abs(self.states.min_distance * self.given.diameter / own - 1.0)
+        yield from _above(
+            "smallest distance is not that of the shape", np.where(near, off, 0.0), SAME
+        )
+        # Closer than half their own spacing, contact points no longer see a crossing.
+        apart = 0.5 * self.given.loop_length / self.given.contacts
+        fine = self._fine()
+        for i in {0, len(self.shapes) - 1, int(np.argmin(own))}:
+            nearest = fine.closest(*self._placed(i), apart)
+            if nearest < apart:
+                yield Finding("yarns closer than contact points can tell", i, nearest, apart)
+
+    def _forces(self):
+        """Equilibrium of every control point and free spacing, and the load."""
+        for i in _spread(len(self.shapes), FORCES):
+            shape = self.shapes[i]
+            on_points, on_lattice = self.energy.gradient(shape)
+            by_curvature = self.energy.moment(shape) if self.bends else 0.0
+            if not self.test.free:
+                # Held spacings hold the mean plane where it is, by a pressure.
+                on_points[:, 2] -= on_points[:, 2].mean()
+            limit, slack, loose = np.full(on_points.shape, self.noise), np.full(2, self.noise), 0.0
+            # In the first state nothing has rubbed.
+            if self.given.friction > 0.0 and i > 0:
+                rub = self.energy.coulomb(shape)
+                limit += COULOMB * rub[0] + LAGGED * rub[0].max()
+                slack += COULOMB * rub[1] + LAGGED * rub[1].max()
+                loose = (COULOMB + LAGGED) * rub[2]
+            worst = np.unravel_index(np.argmax(np.abs(on_points) / limit), limit.shape)
+            if not abs(on_points[worst]) <= limit[worst]:
+                value, bound = abs(on_points[worst]), limit[worst]
+                yield Finding("a control point is not in equilibrium", int(i), value, bound)
+            yield from self._spacings(i, on_lattice, slack, by_curvature, loose)
+        largest = np.abs(self.load).max()
+        if self.test.unloads and not abs(self.load[-1]) <= UNLOADED * largest:
+            last = len(self.load) - 1
+            yield Finding("the test does not end at zero force", last, self.load[-1], UNLOADED)
+
+    def _spacings(self, i, on_lattice, slack, by_curvature, loose):
+        """Forces on free spacings, force on the pulled one, moment.
+
+        by_curvature: derivative of a loop's energy by the curvature (J m); slack, loose: what friction
+        and round-off may add to the derivatives by the spacings and by the curvature.
+        """
+        pulled, shape = self.pulled, self.shapes[i]
+        held, known = np.zeros(2), [self.test.free or i == 0] * 2
+        exact = FORCE * max(abs(self.load[i]), 0.01 * np.abs(self.load).max())
+        if self.bends:
+            width = shape.lattice[pulled]
+            # A free spacing makes the energy least at a given angle kappa w, not at a given kappa.
+            held[pulled] = shape.curvature / width * by_curvature
+            slack[pulled] += abs(shape.curvature) / width * loose
+            off, bound = abs(by_curvature / width - self.load[i]), exact + loose / width
+            if not off <= bound:
+                yield Finding("moment is not the slope of the energy", int(i), off, bound)
+        else:
+            held[pulled], known[pulled] = self.load[i], True
+            slack[pulled] += exact
+        for name, off, bound, judged in zip(
+            ("wale", "course"), np.abs(held - on_lattice), slack, known, strict=True
+        ):
+            if judged and not off <= bound:
+                yield Finding(f"force on the {name} spacing is wrong", int(i), off, bound)
+
+    def _balance(self, stored):
+        """Work reported, against what the shapes store and what is reported lost."""
+        s = self.states
+        yield from _above(
+            "friction gives energy", -np.diff(s.dissipated, prepend=0.0) / stored, SAME
+        )
+        if self.given.friction == 0.0:
+            yield from _above("energy lost without friction", np.abs(s.dissipated) / stored, SAME)
+        work = s.work - s.work[0]
+        whole = np.abs(work).max()
+        if not whole > 0.0 or not self.test.fine_steps:
+            return
+        off = np.abs(work - (stored - stored[0]) - (s.dissipated - s.dissipated[0]))
+        yield from _above("work is not stored or lost", off / whole, BALANCE)
+
+    def _turned(self, i):
+        """Whether the test sets out or turns back between the states i - 1 and i."""
+        steps = np.diff(self.along[: i + 1])
+        return i == 1 or steps[-1] * steps[-2] < 0.0
+
+    def _pairs(self, stored):
+        """Between states close together: mean load against what is stored and lost."""
+        s, along, load = self.states, self.along, self.load
+        near = CLOSE * np.ptp(along)
+        said = np.flatnonzero(np.isfinite(s.numerical_error))
+        close = [i for i in range(1, len(along)) if 0.0 < abs(along[i] - along[i - 1]) <= near]
+        for i in close:
+            step = along[i] - along[i - 1]
+            work = 0.5 * (load[i] + load[i - 1]) * step
+            lost = s.dissipated[i] - s.dissipated[i - 1]
+            # Near the start the load may bend sharply; where the test turns, friction turns over.
+            start = min(abs(along[i - 1 : i + 1] - along[0])) <= SAME * near
+            sharply = start or self._turned(i) or not self.test.fine_steps
+            part = 0.5 if sharply else BEND
+            doubt = part * abs((load[i] - load[i - 1]) * step)
+            # What the residual does on the way, and round-off of energies that hardly differ.
+            doubt += self.noise * self._moved(i) + SAME * SAME * stored[i]
+            gain = stored[i] - stored[i - 1]
+            # Near zero force little work is done, and what is stored goes into friction.
+            off, limit = abs(work - gain - lost), PAIR * max(abs(work), abs(gain), lost) + doubt
+            if not off <= limit:
+                yield Finding("load is not the slope of the energy", i, off, limit)
+            if self.given.friction > 0.0:
+                limit = COULOMB * self.energy.rubbed(self.shapes[i - 1], self.shapes[i])
+                limit += self.noise * self._moved(i) + SAME * SAME * stored[i]
+                if not lost <= limit:
+                    yield Finding("friction takes more than Coulomb's law", i, lost, limit)
+            if i == close[-1] and i in said:
+                ends = [self._fine().shape(*self._placed(k)) for k in (i - 1, i)]
+                gain = np.diff([self._fine().terms(shape).sum() for shape in ends])[0]
+                scale = max(abs(load[i]), 0.01 * np.abs(load).max()) * abs(step)
+                off = abs(work - gain - lost)
+                limit = max(FINE_FORCE, s.numerical_error[i]) * scale + doubt
+                if not off <= limit:
+                    check = "load is not the slope of the energy, finer integrals"
+                    yield Finding(check, i, off, limit)
+
+    def _moved(self, i):
+        """Length (m) that points of the loop move between the states i - 1 and i, at most."""
+        before, after = self.shapes[i - 1], self.shapes[i]
+        return np.abs(after.control - before.control).max()
+
+
+def _spread(count, most):
+    """At most ``most`` numbers below count, spread evenly, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).astype(int))
+
+
+def _above(check, values, limit):
+    """The worst state, if it breaks the limit; what is no number does."""
+    if not (values <= limit).all():
+        worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
+        yield Finding(check, worst, float(values[worst]), float(limit))

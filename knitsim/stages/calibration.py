@@ -1,0 +1,358 @@
+"""A calibration on measured curves of a fabric, and what its parameters predict of every other test."""
+
+import numpy as np
+import xarray as xr
+
+from knitsim.configuration.measured_checks import config_of, free_of
+from knitsim.configuration.measured_curve import LOADING, read_measured
+from knitsim.configuration.measured_keys import GIVEN, STAGE
+from knitsim.configuration.schema import FABRIC
+from knitsim.equilibrium.bending import TIGHTEST
+from knitsim.errors import ComputationError, InputError
+from knitsim.evaluation.calibrate import FLOOR, Parameter, Problem, fit
+from knitsim.evaluation.calibrate_curves import (
+    Bending,
+    Tension,
+    bending_points,
+    pull_of,
+    tension_points,
+)
+from knitsim.evaluation.calibrate_states import value_of
+from knitsim.evaluation.predict import Predictor
+from knitsim.stages.equilibrium import resolution_of, solver_fabric
+from knitsim.store.timing import Timings
+from knitsim.store.writer import describe, to_json
+from knitsim.units import to_si
+
+DIRECTIONS = ("course", "wale")
+SPACINGS = ("wale", "course")
+INSIDE = 0.05  # of the range between the bounds, that a fit starts away from them
+ROOM = 0.8  # part of the tightest curvature up to which bending is predicted
+
+# SI units of the parameters, as the store writes them.
+UNITS = {
+    "core_diameter": "m", "core_stiffness": "N m-3", "core_exponent": "1",
+    "compression_stiffness": "N m-1", "friction": "1", "set": "1", "bending_rigidity": "N m2",
+    "diameter": "m", "loop_length": "m",
+}  # fmt: skip
+KNIT_FORCE = to_si(50.0, "gf_per_cm")
+
+
+def tension_of(name, measured):
+    """The evaluation's Tension of a MeasuredTension: loading points above the pretension and their
+    recovery; points without strain, or below zero force, say nothing and are left out."""
+    force, strain = measured.force_per_width, measured.strain
+    loading = measured.phase == LOADING
+    top = force[loading].max()
+    keep = np.where(loading, (force > measured.pretension) & (strain > 0.0), force >= 0.0)
+    keep &= force <= top
+    band = {}
+    if measured.low is not None and (measured.low < measured.high)[keep].all():
+        band = {"low": measured.low[keep], "high": measured.high[keep]}
+    return Tension(
+        name, measured.direction, force[keep], strain[keep], phase=measured.phase[keep],
+        pretension=measured.pretension, **band,
+    ), keep  # fmt: skip
+
+
+def bending_of(name, measured, points=16):
+    """The evaluation's Bending of a MeasuredBending: mean of both ways, counted from flat."""
+    curvature, moment = measured.curvature, measured.moment_per_width
+    steps, ways = np.diff(curvature), []
+    for moves in (steps > 0.0, steps < 0.0):
+        # A turning point belongs to both ways.
+        own = np.append(moves, False) | np.insert(moves, 0, False)
+        if own.sum() >= 2:
+            order = np.argsort(curvature[own], kind="stable")
+            ways.append((curvature[own][order], moment[own][order]))
+    low, high = max(k[0] for k, _ in ways), min(k[-1] for k, _ in ways)
+    at = np.linspace(low, high, points + 1 - points % 2)
+    mean = np.mean([np.interp(at, *way) for way in ways], axis=0)
+    flat = float(np.interp(0.0, at, mean))
+    away = np.abs(at) > 1e-9 * np.abs(at).max()
+    return Bending(name, measured.direction, at[away], mean[away] - flat)
+
+
+def asked_of(fabric, measured):
+    """(forces (n,) N/m, curvatures of one side (m,) 1/m) at which tests are predicted.
+
+    measured: {name: MeasuredTension or MeasuredBending}.
+    """
+    wanted = fabric["prediction"] or {}
+    top = wanted.get("to_force")
+    if top is None:
+        largest = [m.force_per_width.max() for m in measured.values() if m.test == "tension"]
+        top = max([KNIT_FORCE, *largest])
+    states = wanted.get("states", _default("states"))
+    curvature = wanted.get("max_curvature", to_si(_default("max_curvature_per_cm"), "per_cm"))
+    forces = top * np.arange(1, states + 1) / states
+    half = max(2, states // 4)
+    return forces, curvature * np.arange(1, half + 1) / half if curvature else np.zeros(0)
+
+
+def _default(key):
+    return FABRIC.section("prediction").key(key).default
+
+
+def problem_of(fabric, name, built, curves):
+    """The evaluation's Problem of the calibration ``name``; built: its equilibrium Fabric; curves:
+    {name: Tension or Bending} of all measured curves."""
+    entry = fabric["calibrations"][name]
+    return Problem(
+        built,
+        [Parameter(p.name, p.low, p.high, _inside(p)) for p in free_of(fabric, name)],
+        [curves[curve] for curve in entry["fit"]],
+        kind=entry["residual"], misfit=entry["misfit"], resolution=resolution_of(fabric),
+    )  # fmt: skip
+
+
+def _inside(free):
+    """The start, off the bounds: a search that starts on one hardly leaves it."""
+    room = INSIDE * (free.high - free.low)
+    return min(max(free.start, free.low + room), free.high - room)
+
+
+def _at_bounds(found):
+    """Fitted values; those within round-off of a bound are the bound."""
+    values = found.values.copy()
+    for end in found.problem.bounds.T:
+        near = np.abs(values - end) <= 1e-9 * np.ptp(found.problem.bounds, axis=1)
+        values[near] = end[near]
+    return values
+
+
+def _fit_dataset(found):
+    """Variables of a Calibration of the evaluation; with None, of a prediction without one."""
+    names = () if found is None else found.names
+    n = len(names)
+    data = {
+        "fitted_value": ("parameter", _at_bounds(found) if n else np.zeros(0)),
+        "fitted_interval": (
+            ("parameter", "bound"),
+            np.stack([found.low, found.high], axis=1) if n else np.zeros((0, 2)),
+        ),
+        "start_value": ("parameter", [value_of(found.problem.fabric, name) for name in names]),
+        "parameter_bound": (("parameter", "bound"), found.problem.bounds if n else np.zeros((0, 2))),
+        "correlation": (
+            ("parameter", "other_parameter"), found.spread.correlation if n else np.zeros((0, 0)),
+        ),
+        "fit_misfit": found.misfit if n else np.nan,
+        "fit_evaluations": found.evaluations if n else 0,
+        "fit_failed": len(found.notes) if n else 0,
+    }  # fmt: skip
+    points = max((len(p.values) for p in found.profiles), default=0) if n else 0
+    profiles = np.full((2, n, points), np.nan)
+    for i, profile in enumerate(found.profiles if n else ()):
+        profiles[:, i, : len(profile.values)] = profile.values, profile.misfit
+    for row, quantity in zip(profiles, ("value", "misfit"), strict=True):
+        data[f"profile_{quantity}"] = (("parameter", "profile_point"), row)
+    coords = {
+        "parameter": np.array(names, dtype=object),
+        "other_parameter": np.array(names, dtype=object),
+        "parameter_units": ("parameter", np.array([UNITS[name] for name in names], dtype=object)),
+        "bound": ["low", "high"],
+        "profile_point": np.arange(points),
+    }
+    return xr.Dataset(data, coords)
+
+
+def _curve_dataset(measured, curves, models, fitted):
+    """The measured curves beside the model's values at their points; models: {name: (n,) or None}."""
+    names = list(measured)
+    size = max((curves[name].size for name in names), default=0)
+    shape = (len(names), size)
+    fields = (
+        "measured_strain", "measured_strain_low", "measured_strain_high",
+        "measured_force_per_width", "measured_transverse_strain", "model_strain",
+        "measured_curvature", "measured_moment_per_width", "model_moment_per_width",
+    )  # fmt: skip
+    data = {field: np.full(shape, np.nan) for field in fields}
+    phase = np.zeros(shape, dtype=np.int8)
+    numbers = {
+        field: np.full(len(names), np.nan)
+        for field in ("misfit_rms", "misfit_mean", "misfit_largest", "share_in_band", "pretension")
+    }
+    for k, name in enumerate(names):
+        one, own = curves[name], slice(None, curves[name].size)
+        model = models[name]
+        if isinstance(one, Bending):
+            data["measured_curvature"][k, own] = one.curvature
+            data["measured_moment_per_width"][k, own] = given = one.moment_per_width
+            field = "model_moment_per_width"
+        else:
+            data["measured_strain"][k, own] = given = one.strain
+            data["measured_force_per_width"][k, own] = one.force_per_width
+            phase[k, own] = one.phase
+            numbers["pretension"][k] = one.pretension
+            if one.low is not None:
+                data["measured_strain_low"][k, own] = one.low
+                data["measured_strain_high"][k, own] = one.high
+            lateral = measured[name].lateral_strain
+            if lateral is not None:
+                data["measured_transverse_strain"][k, own] = lateral[kept_of(name, measured[name])]
+            field = "model_strain"
+        if model is None:
+            continue
+        data[field][k, own] = model
+        # Near zero a relative misfit says nothing.
+        divisor = np.where(given < 0, -1.0, 1.0) * np.maximum(
+            np.abs(given), FLOOR * np.abs(given).max()
+        )
+        relative = (model - given) / divisor
+        numbers["misfit_rms"][k] = np.sqrt(np.mean(relative**2))
+        numbers["misfit_mean"][k] = relative.mean()
+        numbers["misfit_largest"][k] = np.abs(relative).max()
+        if not isinstance(one, Bending) and one.low is not None:
+            numbers["share_in_band"][k] = np.mean((one.low <= model) & (model <= one.high))
+    variables = {field: (("curve", "sample"), values) for field, values in data.items()}
+    variables |= {field: ("curve", values) for field, values in numbers.items()}
+    variables["measured_phase"] = (("curve", "sample"), phase)
+    roles = ["fitted" if name in fitted else "predicted" for name in names]
+    words = {
+        "curve": names,
+        "curve_test": [m.test for m in measured.values()],
+        "curve_direction": [m.direction for m in measured.values()],
+        "curve_role": roles,
+    }
+    coords = {key: ("curve", np.array(value, dtype=object)) for key, value in words.items()}
+    return xr.Dataset(variables, {**coords, "sample": np.arange(size)})
+
+
+def kept_of(name, measured):
+    """Numbers of the points of a MeasuredTension that are compared."""
+    return np.flatnonzero(tension_of(name, measured)[1])
+
+
+def _prediction_dataset(fabric, predictor, forces, half):
+    """(dataset, notes) of what a Predictor says at rest, in tension and in bending."""
+    notes = []
+    rest = predictor.spacings()
+    notes += rest.notes
+    spacings = [rest.quantities[f"{name}_spacing"] for name in SPACINGS]
+    # Curves start at rest.
+    at = np.concatenate([[0.0], forces])
+    tension = [predictor.tension(direction, forces) for direction in DIRECTIONS]
+    notes += [
+        f"{d} tension: {n}" for d, t in zip(DIRECTIONS, tension, strict=True) for n in t.notes
+    ]
+
+    def stacked(outcomes, quantity):
+        found = [outcome.quantities[quantity] for outcome in outcomes]
+        rows = np.stack([np.stack([one.value, one.low, one.high], axis=-1) for one in found])
+        rows = np.concatenate([np.zeros((len(found), 1, 3)), rows], axis=1)
+        return rows[..., 0], rows[..., 1:]
+
+    data = {
+        "predicted_force_per_width": ("state", at),
+        "predicted_spacing": ("spacing", [float(s.value[0]) for s in spacings]),
+        "predicted_spacing_band": (
+            ("spacing", "bound"), [[float(s.low[0]), float(s.high[0])] for s in spacings],
+        ),
+        "stated_spacing": ("spacing", [fabric[f"{name}_spacing"] for name in SPACINGS]),
+    }  # fmt: skip
+    for quantity in ("strain", "transverse_strain"):
+        value, band = stacked(tension, quantity)
+        data[f"predicted_{quantity}"] = (("direction", "state"), value)
+        data[f"predicted_{quantity}_band"] = (("direction", "state", "bound"), band)
+    limit = tightest(predictor.rest)
+    if half.size and half[-1] > limit:
+        notes.append(f"bending to {limit:.4g} 1/m only: the fabric is too thick for more")
+        half = half * limit / half[-1]
+    if half.size:
+        # Each side by itself from flat, so that both are first loading.
+        sides, failed = {}, {}
+        for direction in DIRECTIONS:
+            for sign in (-1.0, 1.0):
+                try:
+                    outcome = predictor.bending(direction, sign * half)
+                except (ComputationError, InputError) as error:
+                    failed[direction] = str(error)
+                    sides[direction, sign] = np.full((half.size, 3), np.nan)
+                    continue
+                notes += [f"{direction} bending: {note}" for note in outcome.notes]
+                one = outcome.quantities["moment_change"]
+                sides[direction, sign] = np.stack([one.value, one.low, one.high], axis=-1)
+        notes += [f"{direction} bending: {text}" for direction, text in failed.items()]
+        flat = np.zeros((1, 3))
+        whole = np.stack([
+            np.concatenate([sides[d, -1.0][::-1], flat, sides[d, 1.0]]) for d in DIRECTIONS
+        ])  # fmt: skip
+        dims = ("direction", "bent_state")
+        data["predicted_curvature"] = ("bent_state", np.concatenate([-half[::-1], [0.0], half]))
+        data["predicted_moment_per_width"] = (dims, whole[..., 0])
+        data["predicted_moment_per_width_band"] = ((*dims, "bound"), whole[..., 1:])
+    coords = {"direction": list(DIRECTIONS), "spacing": list(SPACINGS), "bound": ["low", "high"],
+              "state": np.arange(at.size)}  # fmt: skip
+    if half.size:
+        coords["bent_state"] = np.arange(2 * half.size + 1)
+    return xr.Dataset(data, coords), notes
+
+
+def tightest(relaxed):
+    """Largest curvature (1/m) at which bending is predicted, well below what the thickness allows."""
+    half = np.abs(relaxed.centreline[:, 2]).max() + 0.5 * relaxed.model.fabric.diameter
+    return ROOM * TIGHTEST / half
+
+
+def _model_points(curve, relaxed):
+    """The model's values at a measured curve's points; None, with the reason, where not reached."""
+    try:
+        if isinstance(curve, Bending):
+            return bending_points(curve, relaxed), ""
+        return tension_points(curve, pull_of(curve, relaxed, "strain"), "strain"), ""
+    except (ComputationError, InputError) as error:
+        return None, f"{curve.name}: {error}"
+
+
+def run(fabric, laws, name):
+    """(dataset, timings) of the calibration ``name`` of a FabricInput, or of GIVEN.
+
+    laws: TensionLaw of its yarn by form.  Raises ComputationError where no fabric within the bounds
+    reaches the measured points.
+    """
+    timings = Timings(STAGE, fabric.name)
+    measured = {key: read_measured(fabric, key) for key in fabric["measured"]}
+    curves = {
+        key: bending_of(key, m) if m.test == "bending" else tension_of(key, m)[0]
+        for key, m in measured.items()
+    }
+    built = solver_fabric(fabric, laws["continuous"], friction=True)
+    found, notes, warnings = None, [], []
+    if name == GIVEN:
+        predictor = Predictor(built, resolution=resolution_of(fabric))
+    else:
+        problem = problem_of(fabric, name, built, curves)
+        with timings.measure(f"{name}: fit of {', '.join(problem.names)}, with profiles"):
+            found = fit(problem)
+        predictor = Predictor(calibration=found)
+        notes, warnings = list(found.notes), list(found.warnings)
+    fitted = () if name == GIVEN else fabric["calibrations"][name]["fit"]
+    models = {}
+    for key, curve in curves.items():
+        models[key], reason = _model_points(curve, predictor.rest)
+        notes += [reason] if reason else []
+    with timings.measure(f"{name}: prediction of all tests"):
+        predicted, more = _prediction_dataset(fabric, predictor, *asked_of(fabric, measured))
+    dataset = xr.merge(
+        [_fit_dataset(found), _curve_dataset(measured, curves, models, fitted), predicted],
+        join="exact",
+    )
+    dataset.attrs["warnings"] = to_json(warnings)
+    dataset.attrs["notes"] = to_json([*notes, *more])
+    dataset.attrs["corrections"] = to_json(
+        {key: list(m.corrections) for key, m in measured.items() if m.corrections}
+    )
+    dataset.attrs["measured_sources"] = to_json({key: m.comments for key, m in measured.items()})
+    references = ("munden", "singal") if fabric.yarn["core_law"] else ("munden",)
+    config = config_of(fabric, name)
+    what = (
+        "without calibration, all parameters as given" if name == GIVEN else f"calibration {name}"
+    )
+    describe(
+        dataset, title=f"Fabric {fabric.name}, {what}: measured curves and prediction",
+        summary="Parameters of the equilibrium model fitted to measured curves, and every other test "
+        "predicted with them; bands cover the fit's uncertainty and the numerical error.",
+        references=references, configuration=config, assumptions=config["assumed"],
+        modules=["knitsim.stages.calibration"],
+    )  # fmt: skip
+    return dataset, timings

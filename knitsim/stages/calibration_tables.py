@@ -1,0 +1,189 @@
+"""The tables of calibrations and predictions: numbers, and what they mean in words."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from knitsim.configuration.measured_keys import GIVEN
+from knitsim.store.timing import write_csv
+
+CALIBRATION_COLUMNS = (
+    "fabric", "calibration", "name", "value", "units", "low", "high", "start", "lowest", "highest",
+    "correlated_with", "correlation", "fitted_to", "misfit", "trials", "failed", "says",
+)  # fmt: skip
+PREDICTION_COLUMNS = (
+    "fabric", "calibration", "test", "name", "at", "value", "low", "high", "units", "measured",
+    "misfit", "says",
+)  # fmt: skip
+# Parts of the largest force at which predictions stand in the table.
+PARTS = (0.1, 0.25, 0.5, 1.0)
+SPREAD = "all"  # name of the rows that compare the calibrations
+# rms misfit up to which a curve is called so.
+_GRADES = ((0.03, "very well"), (0.08, "well"), (0.15, "fairly"), (0.30, "roughly"))
+_ONE_SIDED = 0.8  # part of the rms misfit that is mean misfit, for the model to be one-sided
+
+
+def grade(rms, mean, softer="too soft", stiffer="too stiff"):
+    """A misfit in words; rms, mean of (model - measured)/measured, the model's strain above 0."""
+    if not np.isfinite(rms):
+        return "not reached by the model"
+    how = next((word for limit, word in _GRADES if rms <= limit), "not at all")
+    text = f"agrees {how}: {100 * rms:.3g} % rms"
+    if abs(mean) >= _ONE_SIDED * rms:
+        text += f", {softer if mean > 0 else stiffer} throughout by {abs(100 * mean):.3g} %"
+    return text
+
+
+def _number(value):
+    return f"{value:.6g}" if np.isfinite(value) else ""
+
+
+def _datasets(files):
+    """(fabric, calibration, dataset) of each result file."""
+    for file in map(Path, files):
+        with xr.open_dataset(file, engine="netcdf4") as opened:
+            dataset = opened.load()
+        yield json.loads(dataset.attrs["configuration"])["name"], file.stem, dataset
+
+
+def calibration_rows(fabric, name, dataset):
+    """Rows of CALIBRATION_COLUMNS: one for each parameter, one for the fit as a whole."""
+    if name == GIVEN:
+        return []
+    fitted = [
+        str(c) for c, role in zip(dataset.curve.values, dataset.curve_role.values, strict=True)
+        if role == "fitted"
+    ]  # fmt: skip
+    rows = []
+    parameters = dataset.parameter.values.tolist()
+    for i, parameter in enumerate(parameters):
+        one = dataset.isel(parameter=i)
+        other, value = "", np.nan
+        if len(parameters) > 1:
+            row = np.abs(one.correlation.values.copy())
+            row[i] = -1.0
+            other, value = parameters[int(row.argmax())], float(one.correlation[int(row.argmax())])
+        low, high = one.fitted_interval.values
+        rows.append((
+            fabric, name, parameter, _number(one.fitted_value), str(one.parameter_units.values),
+            _number(low), _number(high), _number(one.start_value),
+            *map(_number, one.parameter_bound.values), other, _number(value), "; ".join(fitted),
+            "", "", "", _of_parameter(float(one.fitted_value), low, high, one.parameter_bound.values),
+        ))  # fmt: skip
+    says = [f"{c}: {grade(float(m.misfit_rms), float(m.misfit_mean))}" for c, m in _curves(dataset)
+            if c in fitted]  # fmt: skip
+    for kind in ("warnings", "notes"):
+        says += json.loads(dataset.attrs[kind])
+    rows.append((
+        fabric, name, "all", "", "", "", "", "", "", "", "", "", "; ".join(fitted),
+        _number(float(dataset.fit_misfit)), int(dataset.fit_evaluations), int(dataset.fit_failed),
+        "; ".join(says),
+    ))  # fmt: skip
+    return rows
+
+
+def _of_parameter(value, low, high, bounds):
+    """How well a parameter is known, in words."""
+    if (low, high) == tuple(bounds):
+        return "not determined by the data: its interval is all that is allowed"
+    for end, bound in zip(("lowest", "highest"), bounds, strict=True):
+        if value == bound:
+            return f"on its {end} value allowed: the data want it beyond"
+    text = f"within {50.0 * (high - low) / abs(value):.3g} % (95 %)"
+    cut = [end for end, at, bound in (("lowest", low, bounds[0]), ("highest", high, bounds[1]))
+           if at == bound]  # fmt: skip
+    return text + (f"; its interval reaches the {cut[0]} value allowed" if cut else "")
+
+
+def _curves(dataset):
+    """(name, dataset) of each measured curve."""
+    for k, name in enumerate(dataset.curve.values):
+        yield str(name), dataset.isel(curve=k)
+
+
+def prediction_rows(fabric, name, dataset):
+    """Rows of PREDICTION_COLUMNS of one calibration."""
+    rows = []
+    for k, spacing in enumerate(dataset.spacing.values):
+        value, stated = float(dataset.predicted_spacing[k]), float(dataset.stated_spacing[k])
+        part = value / stated - 1.0
+        low, high = dataset.predicted_spacing_band.values[k]
+        rows.append((
+            fabric, name, "at rest", f"{spacing} spacing", "", _number(value), _number(low),
+            _number(high), "m", _number(stated), _number(part),
+            f"{100 * part:+.3g} % from the stated one",
+        ))  # fmt: skip
+    for curve, one in _curves(dataset):
+        role = "fitted" if str(one.curve_role.values) == "fitted" else "predicted"
+        rms, mean = float(one.misfit_rms), float(one.misfit_mean)
+        says = f"{role}; {grade(rms, mean, *_sides(one))}"
+        if np.isfinite(one.share_in_band):
+            says += f"; {100 * float(one.share_in_band):.0f} % of the points in the measured band"
+        test = f"{one.curve_test.values} {one.curve_direction.values}"
+        rows.append((
+            fabric, name, test, f"misfit of {curve}", "all points", _number(rms), "", "", "1", "",
+            _number(rms), says,
+        ))  # fmt: skip
+    force = dataset.predicted_force_per_width.values
+    for k, direction in enumerate(dataset.direction.values):
+        for part in PARTS:
+            i = int(np.abs(force - part * force[-1]).argmin())
+            for quantity, what in (
+                ("predicted_strain", "strain"), ("predicted_transverse_strain", "lateral strain")
+            ):  # fmt: skip
+                value = float(dataset[quantity][k, i])
+                low, high = dataset[f"{quantity}_band"].values[k, i]
+                says = "" if np.isfinite(value) else "not reached by the model"
+                rows.append((
+                    fabric, name, f"tension {direction}", what, f"{force[i]:.6g} N/m",
+                    _number(value), _number(low), _number(high), "1", "", "", says,
+                ))  # fmt: skip
+    return rows
+
+
+def _sides(one):
+    if str(one.curve_test.values) == "bending":
+        return "too stiff", "too soft"
+    return "too soft", "too stiff"
+
+
+def spread_rows(fabric, datasets):
+    """How far the predictions of all calibrations of a fabric lie apart; datasets by name."""
+    if len(datasets) < 2:
+        return []
+    rows = []
+    first = next(iter(datasets.values()))
+    force = first.predicted_force_per_width.values
+    for k, direction in enumerate(first.direction.values):
+        for part in PARTS:
+            i = int(np.abs(force - part * force[-1]).argmin())
+            for quantity, what in (
+                ("predicted_strain", "strain"), ("predicted_transverse_strain", "lateral strain")
+            ):  # fmt: skip
+                values = np.array([float(d[quantity][k, i]) for d in datasets.values()])
+                values = values[np.isfinite(values)]
+                if len(values) < 2:
+                    continue
+                middle = float(values.mean())
+                apart = (values.max() - values.min()) / abs(middle) if middle else np.nan
+                rows.append((
+                    fabric, SPREAD, f"tension {direction}", what, f"{force[i]:.6g} N/m",
+                    _number(middle), _number(values.min()), _number(values.max()), "1", "", "",
+                    f"{len(values)} choices of parameters lie {100 * apart:.3g} % of their mean apart",
+                ))  # fmt: skip
+    return rows
+
+
+def write_tables(files, calibration, prediction):
+    """Write both tables from the result files ``measured/<fabric>/<calibration>.nc``."""
+    calibrations, predictions, of_fabric = [], [], {}
+    for fabric, name, dataset in _datasets(files):
+        calibrations += calibration_rows(fabric, name, dataset)
+        predictions += prediction_rows(fabric, name, dataset)
+        of_fabric.setdefault(fabric, {})[name] = dataset
+    for fabric, datasets in of_fabric.items():
+        predictions += spread_rows(fabric, datasets)
+    write_csv(calibration, CALIBRATION_COLUMNS, calibrations)
+    write_csv(prediction, PREDICTION_COLUMNS, predictions)

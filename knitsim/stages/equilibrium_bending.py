@@ -1,0 +1,182 @@
+"""The bending test in the equilibrium model, in every condition that the scene names."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import CubicSpline
+
+from knitsim.configuration.schema import closure
+from knitsim.equilibrium.bending import bend
+from knitsim.equilibrium.relax import relax
+from knitsim.errors import ComputationError, InputError
+from knitsim.evaluation.kes_bending import SLOPE_RANGE
+from knitsim.stages.equilibrium import padding, resolution_of, solver_fabric, status_of
+from knitsim.stages.laws import ledger_laws
+from knitsim.stages.ledger import effect_dataset
+from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES
+from knitsim.store.tensile import stack_variants
+from knitsim.store.timing import Timings
+from knitsim.store.writer import describe, to_json
+from knitsim.units import from_si
+
+STAGE = "equilibrium_bending"
+DIRECTIONS = ("course", "wale")
+_GAUSS = np.polynomial.legendre.leggauss(2)
+
+
+def curvatures_of(choice):
+    """Flat, to the largest curvature, through flat to its negative, and back to flat (1/m).
+
+    That for every cycle; the ends are hit exactly.
+    """
+    up = choice["max_curvature"] * np.arange(1, choice["states"] + 1) / choice["states"]
+    back = np.concatenate([up[-2::-1], [0.0]])
+    return np.concatenate([[0.0], *[np.concatenate([up, back, -up, -back])] * choice["cycles"]])
+
+
+def yarn_strain(flat, curvature, axis, loop_length):
+    """Strain of the yarn of one loop of a bent fabric, at two places a piece, (2 (points - 1),).
+
+    flat: (points, 3) (m), in the coordinates of the fabric before it is rolled up, at equal lengths
+    of the yarn at rest, the last the first of the next loop.  On a cylinder what lies at thickness z
+    is longer along the bent direction (axis) by 1 + curvature z.
+    """
+    at = np.linspace(0.0, 1.0, len(flat))
+    step = flat[-1] - flat[0]
+    closed = flat - at[:, None] * step
+    closed[-1] = closed[0]
+    line = CubicSpline(at, closed, bc_type="periodic")
+    places = (at[:-1, None] + np.diff(at)[:, None] * 0.5 * (1.0 + _GAUSS[0])).ravel()
+    speed = line(places, 1) + step
+    speed[:, axis] *= 1.0 + curvature * line(places)[:, 2]
+    return np.linalg.norm(speed, axis=1) / loop_length - 1.0
+
+
+def bending_dataset(curve, direction, law, loop_length, steps=None):
+    """Dataset of a knitsim.equilibrium BendingCurve, padded to ``steps`` stored states."""
+    n, axis = curve.steps, DIRECTIONS.index(direction)
+    padded = padding(n, steps)
+    points = np.array([curve.centreline_bent(k) for k in range(n)])
+    strain, tension = np.empty(n), np.empty(n)
+    for k, (flat, kappa) in enumerate(zip(curve.centreline, curve.curvature, strict=True)):
+        local = yarn_strain(flat, kappa, axis, loop_length)
+        strain[k], tension[k] = local.mean(), law.tension_at(local).mean()
+    status = status_of(strain, law.breaking_strain, steps)
+    variables = {
+        "yarn_tension": padded(tension),
+        "yarn_strain": padded(strain),
+        "crossings_intact": padded(curve.crossings_intact.astype(np.int8), 0).astype(np.int8),
+        "iterations": padded(curve.iterations, 0),
+        "status": status,
+    }
+    for name in (
+        "moment_per_width", "wale_spacing", "course_spacing", "work", "dissipated", "min_distance",
+        "residual", "numerical_error", "change_error",
+    ):  # fmt: skip
+        variables[name] = padded(getattr(curve, name))
+    data = {name: ("step", values) for name, values in variables.items()}
+    data["energy"] = (("step", "term"), padded(curve.energy))
+    data["centreline"] = (("step", "point", "axis"), padded(points))
+    phase = np.array(PHASES)[padded(curve.phase, 0).astype(int)]
+    return xr.Dataset(
+        data,
+        {
+            "step": np.arange(status.size),
+            "term": list(ENERGY_TERMS),
+            "point": np.arange(points.shape[1]),
+            "axis": list(AXES),
+            "curvature": ("step", padded(curve.curvature)),
+            "phase": ("step", phase),
+            "cycle": ("step", padded(curve.cycle, 1)),
+        },
+    )
+
+
+def _relaxed(fabric, law, choice):
+    built = solver_fabric(fabric, law, friction=choice["friction"], set_fraction=choice["set"])
+    if choice["friction"]:
+        built = replace(built, bending_hysteresis=fabric.yarn["bending_hysteresis"])
+    return relax(built, resolution_of(fabric))
+
+
+def bent(fabric, relaxed, direction, curvatures, choice, variant, **options):
+    """The BendingCurve; a curvature that the fabric is too thick for is refused by its key."""
+    try:
+        curve = bend(relaxed, direction, curvatures, spacings=choice["spacings"], **options)
+    except InputError as error:
+        if error.where != "curvature":
+            raise
+        key = f"{STAGE}.variants.{variant}.max_curvature_per_cm"
+        raise InputError(
+            fabric.scene.where(key), f"{from_si(choice['max_curvature'], 'per_cm'):g}",
+            f"fabric {fabric.name}, in 1/m: {error.right}",
+        ) from error  # fmt: skip
+    if not curve.steps:
+        raise ComputationError(
+            f"bending of {fabric.name}, {direction}, {variant}: no state was reached: "
+            f"{curve.stop_reason}"
+        )
+    return curve
+
+
+def rigidity_and_curl(relaxed, direction, spacings="free"):
+    """(B in N m, moment that holds the fabric flat in N) without friction.
+
+    B: mean slope of the moment per width from 0.5 to 1.5 per cm, mean of both sides, as KES reads it.
+    Not a number where the path ends early.
+    """
+    low, high = SLOPE_RANGE
+    curve = bend(relaxed, direction, [low, high, 0.0, -low, -high], spacings=spacings)
+    if curve.stop_reason:
+        return np.nan, float(curve.flat_moment)
+    moment = curve.moment_per_width
+    slopes = np.array([moment[1] - moment[0], moment[3] - moment[4]]) / (high - low)
+    return float(slopes.mean()), float(curve.flat_moment)
+
+
+def headlines(fabric, direction):
+    """{name: (value, units)} that the ledger follows, without friction and with spacings free."""
+    law = ledger_laws(fabric.yarn)["continuous"]
+    relaxed = relax(solver_fabric(fabric, law), resolution_of(fabric))
+    rigidity, curl = rigidity_and_curl(relaxed, direction)
+    return {"rigidity B": (rigidity, "N m"), "moment that holds it flat": (curl, "N")}
+
+
+def run(fabric, laws, direction):
+    """(dataset, timings) of a FabricInput bent in one direction; laws: TensionLaw by form."""
+    timings = Timings(STAGE, fabric.name)
+    law = laws["continuous"]
+    choices = fabric.scene[STAGE]["variants"]
+    solved, reasons = {}, {}
+    for name, choice in choices.items():
+        curvatures = curvatures_of(choice)
+        with timings.measure(f"{direction}: {name}, with its error estimate"):
+            relaxed = _relaxed(fabric, law, choice)
+            curve = bent(fabric, relaxed, direction, curvatures, choice, name, estimate_error=True)
+        solved[name], reasons[name] = curve, curve.stop_reason
+        timings.repeat(
+            f"{direction}: {name}, {curve.steps} states from flat",
+            partial(bent, fabric, relaxed, direction, curvatures, choice, name),
+        )
+    steps = max(curve.steps for curve in solved.values())
+    dataset = stack_variants({
+        name: bending_dataset(curve, direction, law, fabric["loop_length"], steps)
+        for name, curve in solved.items()
+    })  # fmt: skip
+    with timings.measure(f"{direction}: effect of the assumptions"):
+        effects = effect_dataset(fabric, closure(STAGE), partial(headlines, direction=direction))
+    dataset = dataset.merge(effects)
+    dataset["diameter"] = fabric.yarn["diameter"]
+    dataset.attrs["readings"] = to_json(choices)
+    dataset.attrs["stop_reason"] = "; ".join(f"{n}: {r}" for n, r in reasons.items() if r)
+    config = fabric.config(STAGE)
+    describe(
+        dataset, title=f"Equilibrium bending of {fabric.name}, {direction} direction curved",
+        summary="One interlooped yarn in a lattice rolled about a cylinder, in equilibrium in every"
+        " state; the moment is that about the mean plane of the centre line.",
+        references=("munden",), configuration=config, assumptions=config["assumed"],
+        modules=["knitsim.stages.equilibrium_bending"],
+    )  # fmt: skip
+    return dataset, timings

@@ -1,0 +1,200 @@
+"""What the scenes do not need and what leaving it out saves, by computing it with and without."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from knitsim.equilibrium.fabric import Resolution
+from knitsim.equilibrium.relax import Relaxed, relax
+from knitsim.equilibrium.tension import tensile
+from knitsim.evaluation.skipping import measure
+from knitsim.kinematic.tension import Reading, fibre_points, tensile_test
+from knitsim.stages.equilibrium import resolution_of, solver_fabric
+from knitsim.stages.laws import ledger_laws
+from knitsim.stages.loop import loop_of
+from knitsim.stages.loop import run as run_loop
+from knitsim.stages.needs import QUARTER_TOLERANCE, skips_of
+from knitsim.stages.yarn import layout_of, signed_twist, simulated_yarn
+from knitsim.yarn.many_sections import solve_many_sections
+from knitsim.yarn.section import solve_section
+
+COLUMNS = (
+    "scene", "test", "condition", "skipped", "because", "compared", "time_with_s", "time_without_s",
+    "saved_s", "difference", "tolerance", "within_tolerance",
+)  # fmt: skip
+
+STRAINS = (0.1, 0.2, 0.4, 0.6)  # of the course tension that is solved with and without
+FEW = (0.2, 0.4)  # where the other way takes long
+NEARLY_NONE = 1e-12  # a coefficient of friction that changes nothing but is followed
+EVERYWHERE = 1.0  # m: every pair is listed as near
+SECTIONS = 2  # of the yarn solved in full
+YARN_STRAIN = 0.01
+SAME = 1e-6  # the solver's tolerance, of what is not a force of the equilibrium model
+
+
+def run(fabrics):
+    """Rows (by COLUMNS) of the scenes of ``fabrics`` (FabricInputs), each scene measured once.
+
+    A skip that no test of a scene makes is not measured.
+    """
+    rows, seen = [], set()
+    for fabric in fabrics:
+        if fabric.scene.name in seen:
+            continue
+        seen.add(fabric.scene.name)
+        skips = skips_of(fabric.scene)
+        measured = {}
+        for what in dict.fromkeys(skip.what for skip in skips):
+            measured[what] = MEASURES[what](fabric)
+        rows += [_row(fabric.scene.name, skip, measured[skip.what]) for skip in skips]
+    return rows
+
+
+def _row(scene, skip, measured):
+    return (
+        scene, skip.test, skip.condition, skip.what, skip.because, measured.compared,
+        f"{measured.with_skip:.3g}", f"{measured.without_skip:.3g}", f"{measured.saved:.3g}",
+        f"{measured.difference:.2e}", f"{measured.tolerance:g}", "yes" if measured.within else "no",
+    )  # fmt: skip
+
+
+def _tolerance(relaxed):
+    """The solver's tolerance (N on a control point) over the largest force that is compared."""
+    return relaxed.model.control.tolerance / np.abs(_force(relaxed, FEW)).max()
+
+
+def _built(fabric, **changes):
+    """knitsim.equilibrium Fabric without friction, but for the changes."""
+    law = ledger_laws(fabric.yarn)["continuous"]
+    return replace(solver_fabric(fabric, law), **changes)
+
+
+def _force(relaxed, strains=STRAINS, **more):
+    """Force per loop along the course at the strains."""
+    return tensile(relaxed, "course", strains, **more).force_per_loop
+
+
+def _near(fabric):
+    relaxed = relax(_built(fabric), resolution_of(fabric))
+    control = relaxed.model.control._replace(skin=EVERYWHERE)
+    every = _replaced(relaxed, control)
+    return measure(
+        "contact pairs never near", "force along the course", lambda: _force(relaxed, FEW),
+        lambda: _force(every, FEW), _tolerance(relaxed),
+    )  # fmt: skip
+
+
+def _replaced(relaxed, control):
+    """The relaxed state to be solved on with other settings."""
+    values = {name: getattr(relaxed, name) for name in Relaxed.__dataclass_fields__}
+    return Relaxed(**values | {"model": replace(relaxed.model, control=control)})
+
+
+def _friction(fabric):
+    none = relax(_built(fabric), resolution_of(fabric))
+    hardly = relax(_built(fabric, friction=NEARLY_NONE), resolution_of(fabric))
+    return measure(
+        "friction at zero coefficient", "force along the course", lambda: _force(none),
+        lambda: _force(hardly), _tolerance(none),
+    )  # fmt: skip
+
+
+def _whole(fabric):
+    points = resolution_of(fabric).points
+    return measure(
+        "full cell", "force along the course, relaxing included",
+        lambda: _force(relax(_built(fabric), Resolution(points)), FEW),
+        lambda: _force(relax(_built(fabric), Resolution(points, cell="full")), FEW),
+        QUARTER_TOLERANCE,
+    )  # fmt: skip
+
+
+def _loops(fabric):
+    points = resolution_of(fabric).points
+
+    def relaxed(wales):
+        state = relax(_built(fabric), Resolution(points, cell="full", wales=wales))
+        return [state.wale_spacing, state.course_spacing]
+
+    return measure(
+        "identical loops", "spacings at rest, two loops in the cell", lambda: relaxed(1),
+        lambda: relaxed(2), SAME,
+    )  # fmt: skip
+
+
+def _sections(fabric):
+    yarn = fabric.yarn
+    law = ledger_laws(yarn)["continuous"]
+    simulated = simulated_yarn(yarn, law, layout_of(yarn), "corrected")
+    return measure(
+        "identical sections", f"yarn tension at {100 * YARN_STRAIN:g} % strain",
+        lambda: [solve_section(simulated, YARN_STRAIN).tension],
+        lambda: [solve_many_sections(simulated, YARN_STRAIN, SECTIONS).tension], SAME,
+    )  # fmt: skip
+
+
+def _fibres(fabric):
+    loop, laws = loop_of(fabric), ledger_laws(fabric.yarn)
+    layout, twist = layout_of(fabric.yarn).positions, signed_twist(fabric.yarn)
+    strains = np.linspace(0.0, 0.2, 11)
+
+    def curve():
+        return tensile_test(loop, laws["continuous"], "course", strains, Reading())
+
+    def with_fibres():
+        found = curve()
+        fibre_points(loop, found, layout, twist, fabric["sections_per_loop"])
+        return found.force_per_loop
+
+    return measure(
+        "fibres", "force of the kinematic model", lambda: curve().force_per_loop, with_fibres, SAME
+    )
+
+
+def _recovery(fabric):
+    relaxed = relax(_built(fabric), resolution_of(fabric))
+
+    def there():
+        force = _force(relaxed)
+        return np.concatenate([force, force[-2::-1], [0.0]])
+
+    return measure(
+        "recovery", "force along the course, there and back", there,
+        lambda: _force(relaxed, recovery=True), _tolerance(relaxed),
+    )  # fmt: skip
+
+
+def _states(fabric):
+    relaxed = relax(_built(fabric), resolution_of(fabric))
+    many = STRAINS[-1] * np.arange(1, 31) / 30
+    return measure(
+        "states not asked for", "force along the course at the end",
+        lambda: _force(relaxed, STRAINS[-1:])[-1:], lambda: _force(relaxed, many)[-1:],
+        _tolerance(relaxed),
+    )  # fmt: skip
+
+
+def _rules(fabric):
+    """The loop, which no setting of a test changes, made again."""
+
+    def made():
+        dataset, _ = run_loop(fabric)
+        return np.concatenate(
+            [dataset[name].values.ravel() for name in ("centreline", "fibre_point")]
+        )
+
+    kept = made()
+    return measure("rules not affected", "loop made again", lambda: kept, made, SAME)
+
+
+MEASURES = {
+    "contact pairs never near": _near,
+    "friction at zero coefficient": _friction,
+    "full cell": _whole,
+    "identical loops": _loops,
+    "identical sections": _sections,
+    "fibres": _fibres,
+    "recovery": _recovery,
+    "states not asked for": _states,
+    "rules not affected": _rules,
+}

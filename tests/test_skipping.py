@@ -1,0 +1,91 @@
+"""What is left out changes nothing beyond its tolerance; one place decides."""
+
+import numpy as np
+import pytest
+
+from knitsim.configuration.study import load_study
+from knitsim.equilibrium.relax import relax
+from knitsim.equilibrium.tension import tensile
+from knitsim.evaluation.skipping import measure
+from knitsim.stages import skipping
+from knitsim.stages.equilibrium import solver_fabric
+from knitsim.stages.laws import ledger_laws
+from knitsim.stages.needs import SKIPS, cell_of, skips_of, solves_recovery, stores_fibres
+from knitsim.stages.reversible import there_and_back
+
+
+@pytest.fixture(scope="module")
+def cotton():
+    return load_study("config").fabrics["cotton"]
+
+
+@pytest.mark.parametrize("what", SKIPS)
+def test_a_skip_changes_no_more_than_its_tolerance(cotton, what):
+    measured = skipping.MEASURES[what](cotton)
+    assert measured.within, measured
+    assert 0.0 < measured.tolerance <= (5e-3 if what == "full cell" else 5e-6)
+    assert measured.what == what
+
+
+def test_the_table_names_every_skip_of_the_scene(cotton, monkeypatch):
+    calls = []
+
+    def fake(what):
+        def call(fabric):
+            calls.append(what)
+            return measure(what, "nothing", lambda: [1.0], lambda: [1.0], 1e-6)
+
+        return call
+
+    monkeypatch.setattr(skipping, "MEASURES", {what: fake(what) for what in SKIPS})
+    rows = skipping.run([cotton, cotton])
+    assert all(len(row) == len(skipping.COLUMNS) for row in rows)
+    assert [(r[1], r[2], r[3]) for r in rows] == [
+        (s.test, s.condition, s.what) for s in skips_of(cotton.scene)
+    ]
+    # Each is measured once.
+    assert sorted(calls) == sorted({row[3] for row in rows})
+
+
+def test_needs(cotton):
+    scene = cotton.scene
+    assert cell_of(scene, "equilibrium_tension") == "quarter"
+    assert cell_of(scene, "equilibrium_shear") == "full"
+    assert stores_fibres(["centreline", "fibres"]) and not stores_fibres(["centreline"])
+    assert solves_recovery({"recovery": True, "friction": True})
+    assert not solves_recovery({"recovery": True, "friction": False})
+    named = {(s.test, s.condition, s.what) for s in skips_of(scene)}
+    assert ("equilibrium_tension", "frictionless", "friction at zero coefficient") in named
+    assert ("equilibrium_tension", "friction", "friction at zero coefficient") not in named
+    assert ("equilibrium_tension", "", "full cell") in named
+    assert ("equilibrium_shear", "", "full cell") not in named
+
+
+def test_way_back_without_friction_is_the_way_there(cotton):
+    """As the solver itself goes back, to its tolerance; of two cycles as of one."""
+    relaxed = relax(solver_fabric(cotton, ledger_laws(cotton.yarn)["continuous"]))
+    strains = [0.1, 0.2, 0.3]
+    solved = tensile(relaxed, "course", strains, recovery=True, cycles=2)
+    read = there_and_back(tensile(relaxed, "course", strains), relaxed, 2)
+    assert read.steps == solved.steps == 12
+    for name in ("phase", "cycle", "status"):
+        assert np.array_equal(getattr(read, name), getattr(solved, name))
+    force = np.abs(solved.force_per_loop).max()
+    assert read.strain == pytest.approx(solved.strain, abs=1e-6)
+    assert read.force_per_loop == pytest.approx(solved.force_per_loop, abs=1e-5 * force)
+    assert read.force_per_loop[[5, 11]].tolist() == [0.0, 0.0]
+    whole = solved.energy.sum(1)
+    assert read.energy.sum(1) == pytest.approx(whole, rel=1e-6)
+    assert read.y == pytest.approx(solved.y, abs=1e-4 * cotton.yarn["diameter"])
+    stopped = read.replaced(stop_reason="here")
+    assert there_and_back(stopped, relaxed) is stopped
+
+
+def test_measured_difference():
+    same = measure("x", "y", lambda: [1.0, 2.0], lambda: [1.0, 2.0 + 4e-6], 1e-6)
+    assert same.difference == pytest.approx(2e-6, rel=1e-5)
+    assert not same.within
+    assert same.saved == same.without_skip - same.with_skip
+    # A test that ended early, or gave no number, is not the same result.
+    assert measure("x", "y", lambda: [1.0], lambda: [1.0, 2.0], 1.0).difference == np.inf
+    assert not measure("x", "y", lambda: [np.nan], lambda: [1.0], 1.0).within
