@@ -88,6 +88,7 @@ def test_the_paper_s_cotton_is_possible():
         ({"wale_spacing": 0.8e-3}, {}, "four yarns"),
         ({"course_strain": 3.0}, {}, "course strain"),
         ({"bending_rigidity": 1e-13}, {}, "contact narrower"),
+        ({"contact_stiffness": 10.0}, {}, "so soft"),
         ({}, {"points": 20}, "control points"),
         ({}, {"points": 50}, "control points"),
         ({}, {"contacts": 100}, "contact points too far apart"),
@@ -206,6 +207,24 @@ def test_a_force_that_does_not_stand_refinement(monkeypatch):
     wrong = outcome_of(monkeypatch, case, tensile=coarse, judge_test=drifting)
     assert wrong["outcome"] == "wrong"
     assert "twice the resolution" in wrong["reason"]
+
+
+def test_a_snap_is_told_from_steps_that_are_too_long(monkeypatch):
+    """Work that goes astray by the same amount in shorter steps was set free, else it is an error."""
+
+    def astray(power):
+        def call(relaxed, direction, strains, *, increment, **more):
+            curve = tensile(relaxed, direction, strains, increment=increment, **more)
+            jump = 0.2 * curve.work[-1] * (increment / 0.02) ** power
+            return curve.replaced(work=curve.work + np.where(np.arange(curve.steps) > 0, jump, 0.0))
+
+        return call
+
+    snap = outcome_of(monkeypatch, PULLED, tensile=astray(0))
+    assert (snap["outcome"], snap["snaps"]) == ("verified", "yes")
+    wrong = outcome_of(monkeypatch, PULLED, tensile=astray(1))
+    assert (wrong["outcome"], wrong["snaps"]) == ("wrong", "")
+    assert "work is not stored or lost" in wrong["reason"]
 
 
 def test_bending_campaign(monkeypatch):

@@ -113,13 +113,17 @@ class Project:
             path.relative_to(self.results).as_posix(): path.read_bytes()
             for path in sorted(self.results.glob(pattern))
             if path.is_file() and not path.name.startswith(".snakemake")
-            and "benchmark" not in path.parts and path.name != "timing.csv"
+            and "benchmark" not in path.parts and path.name not in ("timing.csv", "skipped.csv")
         }  # fmt: skip
 
     def copy(self, folder, sources=None):
         """This project in ``folder``, as Snakemake sees it: times of files are kept."""
         shutil.copytree(self.folder, folder, dirs_exist_ok=True)
         return Project(folder, sources or self.sources)
+
+
+# They run the models themselves, to time them, and on a fabric of the study.
+TIMED = ("benchmark_quick", "skipping")
 
 
 def below(jobs, first):
@@ -342,7 +346,11 @@ def test_a_changed_density_reruns_that_fabric_and_what_shows_it(project, every_j
     assert changed != text
     (project.folder / STUDY / "fabrics.yaml").write_text(changed)
     planned = project.planned()
-    own = {job for job in every_job if job.wildcards.get("fabric") == "small"}
+    own = {
+        job
+        for job in every_job
+        if job.wildcards.get("fabric") == "small" or job.rule == "skipping"
+    }
     assert {"loop", "kinematic_tension", "kinematic_bending"} <= {job.rule for job in own}
     assert planned == below(every_job, own)
     assert not any(job.rule.startswith(("yarn", "compile")) for job in planned)
@@ -404,19 +412,19 @@ def edited(moved):
 def test_an_edited_bending_kernel_reruns_bending_and_what_depends_on_it(edited, every_job):
     planned = edited("knitsim/kinematic/bending_kernels.py")
     # Kernels are compiled anew, and only the table of run times shows that.
-    own = {job for job in every_job if job.rule.startswith(("kinematic_bending", "compile"))}
+    own = {job for job in every_job if job.rule.startswith(("kinematic_bending", "compile", *TIMED))}
     assert planned == below(every_job, own)
     assert {"kinematic_bending", "tables"} <= {job.rule for job in planned}
     assert not {"kinematic_tension", "yarn", "loop"} & {job.rule for job in planned}
 
 
 def test_an_edited_tension_model_reruns_tension_and_what_depends_on_it(edited, every_job):
-    own = {job for job in every_job if job.rule == "kinematic_tension"}
+    own = {job for job in every_job if job.rule in ("kinematic_tension", *TIMED)}
     assert edited("knitsim/kinematic/tension.py") == below(every_job, own)
 
 
 def test_an_edited_figure_module_reruns_figures_only(edited, every_job):
-    figures = {job for job in every_job if any("/figures/" in path for path in job.outputs)}
+    figures = {job for job in every_job if any(path.endswith(".png") for path in job.outputs)}
     assert edited("knitsim/figures/style.py") == below(every_job, figures)
 
 
@@ -463,7 +471,7 @@ def remove_results(project, kinds):
 
 def test_kill_in_the_middle_then_resume(project, finished):
     targets = remove_results(project, ["bending"])
-    assert len(targets) == 4
+    assert len(targets) == 6
     kill_and_resume(project, finished, "bending/*/*.nc", *targets)
 
 

@@ -403,7 +403,8 @@ EQUILIBRIUM_REST = Section(
         Key("loop_length_low", "loop_length_low", "number", "Shortest loop length compared, over "
             "the fabric's own.", allowed="(0, 1]", default=0.95),
         Key("loop_length_high", "loop_length_high", "number", "Longest loop length compared, over "
-            "the fabric's own.", allowed="[1, 3]", default=1.15),
+            "the fabric's own.  Much longer, the loop held at the stated density, from which set is "
+            "taken, buckles.", allowed="[1, 3]", default=1.1),
     ),
 )
 
@@ -523,7 +524,7 @@ YARN_TO_FABRIC = Section(
         Key("loop_length_low", "loop_length_low", "number", "Shortest loop length, over the "
             "fabric's own.", allowed="(0, 1]", default=0.95),
         Key("loop_length_high", "loop_length_high", "number", "Longest loop length, over the "
-            "fabric's own.", allowed="[1, 3]", default=1.15),
+            "fabric's own; see equilibrium_rest.", allowed="[1, 3]", default=1.1),
         Key("diameter_low", "diameter_low", "number", "Thinnest yarn, over the fabric's own.",
             allowed="(0, 1]", default=0.8),
         Key("diameter_high", "diameter_high", "number", "Thickest yarn, over the fabric's own.",

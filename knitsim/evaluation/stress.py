@@ -149,6 +149,8 @@ def draw(number, seed=SEED):
     sign = 1.0 if random.random() < 0.5 else -1.0
     held, recovers = random.random() < HELD, random.random() < RECOVERING
     increment = float(random.choice(INCREMENTS)) if family == "jump" and rubs else None
+    # Back from a jump there is no state to go through.
+    recovers = recovers and family != "jump"
     points = 96 if random.random() < FINE else 48
     contacts = None
     if family == "coarse":
@@ -175,9 +177,10 @@ def draw(number, seed=SEED):
         # Contact points up to four times as far apart as the contact needs.
         spacing = contact_spacing(fabric) * random.uniform(1.0, 4.0)
         contacts = 4 * max(1, round(length / spacing / 4.0))
+    refined = bool(random.integers(REFINED) == 0)
     if _slender(fabric) < NARROW:
         # Solved with thousands of contact points: a short test.
-        levels, recovers, points = 1, False, min(points, 48)
+        levels, recovers, points, refined = 1, False, min(points, 48), False
         fabric = replace(
             fabric,
             course_strain=SHORT * fabric.course_strain,
@@ -187,7 +190,7 @@ def draw(number, seed=SEED):
         fabric = replace(fabric, **_no_input(random, fabric))
     return StressCase(
         number, family, test, fabric, sign * value["curvature"], held, recovers, levels, increment,
-        points, contacts, random.integers(REFINED) == 0,
+        points, contacts, refined,
     )  # fmt: skip
 
 
@@ -267,6 +270,10 @@ def impossible(case):
         reasons.append("contact points too far apart")
     if _slender(fabric) < NARROW:
         reasons.append("contact narrower than contact points can be close")
+    if case.kind == "tension" and campaign.squeeze_at_break(fabric) < spacing / fabric.diameter:
+        reasons.append(
+            "yarn so soft that a crossing is lost between contact points before it breaks"
+        )
     if case.kind == "bending" and abs(case.curvature) * THICK * fabric.diameter > TIGHTEST:
         reasons.append("curvature too tight for the thickness")
     for reason in campaign.impossible(fabric):

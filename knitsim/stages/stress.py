@@ -14,13 +14,15 @@ from collections import Counter
 import numpy as np
 
 from knitsim.equilibrium.accuracy import scale_of
+from knitsim.equilibrium.bending import FRICTION_INCREMENT as BENDING_FRICTION_INCREMENT
+from knitsim.equilibrium.bending import INCREMENT as BENDING_INCREMENT
 from knitsim.equilibrium.bending import bend
 from knitsim.equilibrium.fabric import BarrierContact, Fabric, Resolution
 from knitsim.equilibrium.relax import relax
 from knitsim.equilibrium.tension import FRICTION_INCREMENT, tensile
 from knitsim.errors import ComputationError, InputError
 from knitsim.evaluation import stress
-from knitsim.evaluation.bending_judge import Test, TestStates, judge_test
+from knitsim.evaluation.bending_judge import UNBALANCED, Test, TestStates, judge_test
 from knitsim.evaluation.judge import FINE_FORCE
 from knitsim.evaluation.judge_energy import Given
 from knitsim.yarn.law import TensionLaw
@@ -35,7 +37,7 @@ _OF_FABRIC = [
 ]  # fmt: skip
 _FOUND = (
     "outcome", "reason", "states", "reached", "load", "residual", "min_distance", "estimated_error",
-    "refined_difference",
+    "refined_difference", "snaps",
 )  # fmt: skip
 COLUMNS = [*_OF_CASE, *_OF_FABRIC, "possible", "impossible_because", *_FOUND]
 TIMES = ("number", "relaxing", "testing", "refining", "judging")
@@ -173,6 +175,8 @@ def _found(case, clock):
     wrong = clock.time(
         "judging", judge_test, given_of(case.fabric, relaxed), states, test_of(case, curve)
     )
+    if wrong and all(f.check == UNBALANCED for f in wrong) and _snaps(case, relaxed, curve):
+        found["snaps"], wrong = "yes", []
     wrong = [str(finding) for finding in wrong]
     if case.refined:
         found["estimated_error"] = float(np.max(curve.numerical_error))
@@ -189,11 +193,29 @@ def _found(case, clock):
     return found
 
 
+def _snaps(case, relaxed, curve):
+    """Whether the fabric jumps from one shape to another on the way, which sets energy free.
+
+    Then work goes astray in the same amount however small the steps are; an error of the steps falls.
+    """
+    finer, _, _ = guarded(lambda: tested(case, relaxed, finer=4))
+    if finer is None or len(finer.work) != len(curve.work):
+        return False
+    lost = [np.diff(c.work - c.energy.sum(axis=1) - c.dissipated) for c in (curve, finer)]
+    jump = int(np.argmax(lost[0]))
+    return bool(0.8 * lost[0][jump] < lost[1][jump] and lost[0][jump] > 0.8 * lost[0].sum() > 0.0)
+
+
 def tested(case, relaxed, error=False, finer=1):
     """Curve or BendingCurve of the test asked; error: with its estimate; finer: divides the steps."""
     spacings = "held" if case.held else "free"
     if case.kind == "bending":
-        return bend(relaxed, case.direction, case.path, spacings=spacings, estimate_error=error)
+        rubs = case.fabric.friction > 0.0
+        step = (BENDING_FRICTION_INCREMENT if rubs else BENDING_INCREMENT) / finer
+        return bend(
+            relaxed, case.direction, case.path, spacings=spacings, increment=step,
+            estimate_error=error,
+        )  # fmt: skip
     increment = FRICTION_INCREMENT if case.increment is None else case.increment
     return tensile(
         relaxed, case.direction, case.coordinates, lateral=spacings, recovery=case.recovers,
@@ -267,6 +289,10 @@ def summary(rows):
             (
                 "cases called impossible that were solved and verified", family,
                 of_all[VERIFIED] - of_possible[VERIFIED], "",
+            ),
+            (
+                "of the cases solved, fabrics that snap from one shape to another", family,
+                sum(row["snaps"] == "yes" for row in cases), "",
             ),
             (
                 "cases solved again at twice the resolution", family,

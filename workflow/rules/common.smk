@@ -7,6 +7,7 @@ import re
 import sys
 from pathlib import Path
 
+from knitsim.configuration.measured_checks import config_of, names_of
 from knitsim.configuration.study import load_study
 from knitsim.errors import InputError
 from knitsim.figures import catalogue
@@ -50,6 +51,8 @@ try:
 except InputError as error:
     sys.exit(f"knitsim: {error}")
 
+MEASURED_FABRICS = [name for name, fabric in STUDY.fabrics.items() if names_of(fabric)]
+MEASURED_FIGURES = ("fig30_calibration", "fig31_prediction", "fig32_misfit_profile")
 # Longest compilation first.
 PARTS = ("equilibrium", "figures", "yarn", "fabric")
 # The chain through the equilibrium tests is the longest: first, but after its own compilation.
@@ -145,6 +148,39 @@ def kes_tests_of(wildcards):
     return tests_of(wildcards) + (
         expand(getattr(rules, shear).output.result, fabric=wildcards.fabric) if shear else []
     )
+
+
+def one_of_each_scene():
+    """Names of the fabrics that are the first with their scene and have an equilibrium test."""
+    found = {}
+    for name in fabrics_with("equilibrium_tension"):
+        found.setdefault(STUDY.fabrics[name].scene.name, name)
+    return list(found.values())
+
+
+def calibrated(fabric, on_request=False):
+    """Result files of a fabric's calibrations; on_request None: of all of them."""
+    return [
+        results(f"measured/{fabric}/{name}.nc")
+        for name in names_of(STUDY.fabrics[fabric], on_request)
+    ]
+
+
+def measured_curves(wildcards):
+    fabric = STUDY.fabrics[wildcards.fabric]
+    return [fabric.measured_path(name) for name in fabric["measured"]]
+
+
+def figures_of(fabric, target, on_request):
+    """{figure: stem of its files}; the first measured fabric carries the plain names."""
+    suffix = f"_{fabric}" if MEASURED_FABRICS.index(fabric) else ""
+    fits = len(names_of(STUDY.fabrics[fabric], on_request)) > 1
+    names = MEASURED_FIGURES if fits else MEASURED_FIGURES[:-1]
+    return {name: results(f"figures/{name}{suffix}{target}") for name in names}
+
+
+def drawn(stems):
+    return [f"{stem}.{kind}" for stem in stems.values() for kind in ("png", "svg")]
 
 
 def output_files():

@@ -1,38 +1,7 @@
 # Calibrations on measured curves, and what they predict: a job each.  Those that the study marks
 # on_request are made by snakemake calibration only.
 
-from knitsim.configuration.measured_checks import config_of, names_of
-
-MEASURED_FABRICS = [name for name, fabric in STUDY.fabrics.items() if names_of(fabric)]
-MEASURED_FIGURES = ("fig30_calibration", "fig31_prediction", "fig32_misfit_profile")
 MEASURED_TABLES = ("calibration", "prediction")
-
-
-def calibrated(fabric, on_request=False):
-    """Result files of a fabric's calibrations; on_request None: of all of them."""
-    return [
-        results(f"measured/{fabric}/{name}.nc")
-        for name in names_of(STUDY.fabrics[fabric], on_request)
-    ]
-
-
-def measured_curves(wildcards):
-    fabric = STUDY.fabrics[wildcards.fabric]
-    return [fabric.measured_path(name) for name in fabric["measured"]]
-
-
-def figures_of(fabric, target, on_request):
-    """{figure: stem of its files}; the first measured fabric carries the plain names."""
-    suffix = f"_{fabric}" if MEASURED_FABRICS.index(fabric) else ""
-    fits = len(names_of(STUDY.fabrics[fabric], on_request)) > 1
-    names = MEASURED_FIGURES if fits else MEASURED_FIGURES[:-1]
-    return {name: results(f"figures/{name}{suffix}{target}") for name in names}
-
-
-def drawn(stems):
-    return [f"{stem}.{kind}" for stem in stems.values() for kind in ("png", "svg")]
-
-
 # Names of the timings of the calibrations that are made by default.
 MEASURED_STAGES = [
     f"measured_{fabric}_{name}"

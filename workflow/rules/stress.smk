@@ -1,14 +1,6 @@
 # What the scenes do not need, computed with and without: part of the default target.
 
 
-def one_of_each_scene():
-    """Names of the fabrics that are the first with their scene and have an equilibrium test."""
-    found = {}
-    for name in fabrics_with("equilibrium_tension"):
-        found.setdefault(STUDY.fabrics[name].scene.name, name)
-    return list(found.values())
-
-
 rule skipping:
     output:
         table=results("tables/skipped.csv"),

@@ -64,6 +64,22 @@ def bought(path):
     return table(["test", "error of", *columns], body)
 
 
+def campaigns(folder):
+    """The summaries of those campaigns that were run."""
+    rows = [
+        [name, row["quantity"], short(row["value"]), row["limit"]]
+        for name, file in (
+            ("tension", "campaign_summary.csv"),
+            ("bending", "bending_campaign_summary.csv"),
+            ("stress", "stress_summary.csv"),
+        )
+        if (folder / file).exists()
+        for row in rows_of(folder / file)
+        if row.get("family", "all") == "all"
+    ]
+    return table(["campaign", "quantity", "value", "limit"], rows) if rows else None
+
+
 results = Path(sys.argv[1] if len(sys.argv) > 1 else "results") / "tables"
 readme = Path("README.md")
 text = readme.read_text(encoding="utf-8")
@@ -71,7 +87,10 @@ for name, content in (
     ("assumptions", assumptions(results / "assumptions.csv")),
     ("timings", timings(results / "timing.csv")),
     ("benchmark", bought(results.parent / "benchmark/error_bought.csv")),
+    ("campaigns", campaigns(results)),
 ):
+    if content is None:  # keep what an earlier run has left
+        continue
     text = re.sub(
         rf"(<!-- {name}: begin[^\n]*-->\n).*?(<!-- {name}: end -->)",
         lambda found, content=content: f"{found[1]}\n{content}\n\n{found[2]}",
