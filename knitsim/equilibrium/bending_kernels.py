@@ -34,7 +34,9 @@ from knitsim.equilibrium.path_kernels import (
     CROSSINGS_LOST,
     NOT_REACHED,
     REACHED,
+    TOO_CLOSE,
     intact,
+    resolved,
     work_of_increment,
 )
 from knitsim.equilibrium.scene import Bend, Scene, records
@@ -213,8 +215,11 @@ def follow_bending(scene, trace, y, curvatures, bending, control, states, kept):
     trial, change, first = np.empty(n), np.zeros(n), y.copy()
     before, moment, lost = 0.0, np.zeros(1), 0.0
     after, moved, past, done = np.zeros(1), np.zeros(1), np.zeros(2), 0.0
+    rubs = bending.friction > 0.0 or bending.couple > 0.0
     stale = True
-    moment[0] = flat_moment(here, y)
+    energy_of(here, y, pairs_at(here, y, 0.0, work), no_slip(), np.int64(1), work)
+    moment[0] = work.by_kappa[0] / y[bending.at]
+    stored = work.terms[0] + work.terms[1] + work.terms[2]
     last_step, last_y = 0.0, y.copy()
     for state in range(curvatures.size):
         kappa, left, iterations = here.bend.angle / y[bending.at], 1.0, 0
@@ -256,6 +261,8 @@ def follow_bending(scene, trace, y, curvatures, bending, control, states, kept):
                     status = RAN_AWAY
             if status == CONVERGED and not intact(scene, trace, trial, bending.expected, work):
                 status = CROSSINGS_LOST
+            if status == CONVERGED and not resolved(scene, work):
+                status = TOO_CLOSE
             if status != CONVERGED:
                 part *= 0.5
                 last_step = 0.0
@@ -270,7 +277,12 @@ def follow_bending(scene, trace, y, curvatures, bending, control, states, kept):
             for i in bending.free:
                 after[0] += work.gradient[i] * change[i]
             moved[0] = angle - here.bend.angle
-            done += work_of_increment(moment, after, moved, past)
+            energy = work.terms[0] + work.terms[1] + work.terms[2]
+            step_work = energy - stored
+            if rubs:
+                step_work = work_of_increment(moment, after, moved, past)
+            done += step_work
+            stored = energy
             moment[0] = after[0]
             lost += loss
             last_step = moved[0]

@@ -8,7 +8,7 @@ state that shows any crossing more than a plain knit does is refused, though it 
 
 import numpy as np
 
-from knitsim.equilibrium.contact_kernels import boxes_of
+from knitsim.equilibrium.contact_kernels import boxes_of, image_is_far
 from knitsim.jit import njit
 
 
@@ -31,6 +31,9 @@ def crossings_of(trace, points, lattice, limit):
         s0, s1 = image.sign[0], image.sign[1]
         t0 = m1 * lattice[0] + m2 * lattice[2]
         t1 = m1 * lattice[1] + m2 * lattice[3]
+        sign, shift = (s0, s1, image.sign[2]), (t0, t1, 0.0)
+        if image_is_far(sign, shift, low[0], high[0], low[0], high[0], 0.0):
+            continue
         for k in range(m - 1):
             if trace.points[k].yarn != trace.points[k + 1].yarn:
                 continue

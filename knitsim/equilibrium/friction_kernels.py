@@ -13,12 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from knitsim.equilibrium.contact_kernels import (
-    add_pair,
-    law_at,
-    scatter_pair,
-    separation,
-)
+from knitsim.equilibrium.contact_kernels import add_pushes, law_at, separation
 from knitsim.equilibrium.cylinder_kernels import add_point, from_axis, scatter_point
 from knitsim.jit import njit
 
@@ -164,7 +159,9 @@ def add_friction(scene, points, lattice, slip, order, gradient, half):
     touch = scene.touch
     pairs, limits = slip.pairs["pair"], slip.pairs["limit"]
     starts, normals = slip.pairs["start"], slip.pairs["normal"]
-    energy = 0.0
+    room = slip.pairs.size if order > 0 else 0
+    near, push = np.empty((room, 3), dtype=np.int64), np.empty((room, 9))
+    energy, count = 0.0, 0
     for j in range(slip.pairs.size):
         limit = limits[j]
         if limit == 0.0:
@@ -176,10 +173,15 @@ def add_friction(scene, points, lattice, slip, order, gradient, half):
         if order == 0:
             continue
         f = limit * over
-        scatter_pair(touch, pair, (f * u[0], f * u[1], f * u[2]), gradient)
-        if order == 2:
-            bend = limit * (f2 - over) / (size * size) if size > 0.0 else 0.0
-            add_pair(touch, pair, slip_matrix(f, bend, normals[j], u), half)
+        bend = limit * (f2 - over) / (size * size) if size > 0.0 else 0.0
+        h = slip_matrix(f, bend, normals[j], u)
+        for axis in range(3):
+            near[count, axis], push[count, axis] = pair[axis], f * u[axis]
+        push[count, 3], push[count, 4], push[count, 5] = h[0][0], h[0][1], h[0][2]
+        push[count, 6], push[count, 7], push[count, 8] = h[1][1], h[1][2], h[2][2]
+        count += 1
+    if count > 0:
+        add_pushes(touch, near[:count], push[:count], order, gradient, half)
     limits, starts, normals = slip.wraps["limit"], slip.wraps["start"], slip.wraps["normal"]
     for c in range(slip.wraps.shape[0]):
         for i in range(points.shape[0]):

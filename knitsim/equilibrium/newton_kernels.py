@@ -33,6 +33,8 @@ CONVERGED, TOO_MANY, NO_DESCENT, NOT_FINITE = 0, 1, 2, 3
 ARMIJO = 1e-4
 ROUND_OFF = 1e-13  # relative to the energy
 HALVINGS = 30
+REUSES = 2  # steps with a factor after the first, where they are expected to end the search
+FADING = 2.0  # a factor's second step against its first: Newton's error e becomes c e^2, then 2 c e
 
 
 class Control(NamedTuple):
@@ -294,6 +296,28 @@ def largest_move(map_, change):
     return largest
 
 
+@njit
+def approach(map_, change):
+    """Half of what two contact points, or one and an image of the other, can come closer at most.
+
+    A contact point moves no further than its control points, an image by as many spacings more.
+    """
+    largest, rows = 0.0, map_.rows.size
+    moved = np.zeros(3)
+    spacings = 0.0
+    for r in range(rows):
+        value = 0.0
+        for e in range(map_.rows[r].start, map_.rows[r].stop):
+            value += map_.entries[e].value * change[map_.entries[e].column]
+        if r >= rows - 4:
+            spacings += abs(value)
+            continue
+        moved[r % 3] = value
+        if r % 3 == 2:
+            largest = max(largest, moved[0] ** 2 + moved[1] ** 2 + moved[2] ** 2)
+    return math.sqrt(largest) + spacings
+
+
 # Loops instead of array expressions, which Numba takes long to compile.
 @njit
 def copy_to(source, target):
@@ -312,8 +336,8 @@ def move(y, length, step, point):
 def minimise(scene, y, free, slip, control, work):
     """Move y (in place) along its free unknowns to a minimum of the energy.
 
-    Returns status, iterations, residual (N).  Afterwards work.factor holds the factor at the last
-    point but one, work.hessian the Hessian there, work.gradient and work.terms the values at y.
+    Returns status, iterations, residual (N).  Afterwards work.factor and work.hessian are those of
+    one of the last points, work.gradient and work.terms the values at y.
     """
     # The order of the energy is given as np.int64: Numba would compile everything once more for each
     # literal number.  ``searching``: point = y + length step is on trial; otherwise it is a start.
@@ -323,14 +347,16 @@ def minimise(scene, y, free, slip, control, work):
     energy = kept_energy = math.inf
     residual = slope = size = length = moved = reached = 0.0
     searching, relist = False, True
-    iteration = halvings = on_trust = 0
+    iteration = halvings = on_trust = reuses = 0
     trust = control.trust
     pairs = (np.empty((0, 3), dtype=np.int64), np.empty(0))
     while True:
         if relist:
             pairs = pairs_at(scene, point, control.skin, work)
             relist = False
-        new = energy_of(scene, point, pairs, slip, np.int64(1), work)
+        # At a start the Hessian is needed anyway.
+        order = np.int64(1 if searching else 2)
+        new = energy_of(scene, point, pairs, slip, order, work)
         after = residual_of(work.gradient, scene.scale, free)
         finite = math.isfinite(new) and math.isfinite(after)
         restore = False
@@ -364,20 +390,28 @@ def minimise(scene, y, free, slip, control, work):
             searching, relist = False, True
             continue
         copy_to(point, y)
+        # What the factor is expected to leave of the residual if it is used once more.
+        rate = math.inf
+        if searching and length == 1.0 and on_trust == 0:
+            rate = after / residual * (FADING if reuses == 0 else 1.0)
         energy, residual = new, after
         if energy < kept_energy:
             copy_to(y, kept)
             kept_energy = energy
             on_trust = 0
             trust = control.trust if searching else trust
+        enough = residual * rate ** (REUSES - reuses) <= control.tolerance
+        reuses = reuses + 1 if enough and reuses < REUSES else 0
+        if reuses == 0 and (order == 2 or residual > control.tolerance):
+            if order < 2:
+                energy_of(scene, y, pairs, slip, np.int64(2), work)
+            if not math.isfinite(factorise_shifted(work.hessian, free, work.factor)):
+                return NOT_FINITE, iteration, residual
         if residual <= control.tolerance:
             return CONVERGED, iteration, residual
         if iteration == control.limit:
             return TOO_MANY, iteration, residual
         iteration += 1
-        energy_of(scene, y, pairs, slip, np.int64(2), work)
-        if not math.isfinite(factorise_shifted(work.hessian, free, work.factor)):
-            return NOT_FINITE, iteration, residual
         for i in range(free.size):
             rhs[i] = -work.gradient[free[i]]
         solve_factored(work.factor, rhs)
@@ -387,6 +421,7 @@ def minimise(scene, y, free, slip, control, work):
             slope += rhs[i] * work.gradient[free[i]]
         size = largest_move(scene.map, step)
         length = 1.0 if size <= control.cap else control.cap / size
+        size = approach(scene.map, step)
         move(y, length, step, point)
         searching, halvings = True, 0
         # Pairs are listed around the point where ``moved`` was last zero.

@@ -30,6 +30,7 @@ from knitsim.jit import njit
 
 REACHED, NOT_REACHED = 0, 10
 CROSSINGS_LOST = 11
+TOO_CLOSE = 13
 SMALLEST = 1.0 / 64.0  # of an asked step
 BALANCED = 0.03  # of an increment's work: what may be neither stored nor lost
 WHOLE_BALANCED = 3e-3  # of all work so far: the same
@@ -99,6 +100,16 @@ def intact(scene, trace, y, expected, work):
     points = np.empty((trace.points.size, 3))
     place_points(trace, work.x, points)
     return same_crossings(crossings_of(trace, points, lattice, 4 * expected.size), expected)
+
+
+@njit
+def resolved(scene, work):
+    """Whether yarns, in the state whose energy was taken last, are further apart than contact points.
+
+    Contact points further apart than the yarns no longer see a crossing.
+    """
+    points = scene.touch.points
+    return points.size == 0 or work.closest[0] >= points[0].length ** 2
 
 
 @njit
@@ -249,6 +260,8 @@ def follow(scene, trace, y, force, targets, march, control, trail):
             iterations += used
             if status == CONVERGED and not intact(scene, trace, trial, march.expected, work):
                 status = CROSSINGS_LOST
+            if status == CONVERGED and not resolved(scene, work):
+                status = TOO_CLOSE
             if status != CONVERGED:
                 part *= 0.5
                 copy_to(y, before)

@@ -11,7 +11,7 @@ import numpy as np
 
 from knitsim.equilibrium import shape, spline
 from knitsim.equilibrium.cell import loop_of, pack
-from knitsim.equilibrium.fabric import CoreContact, Resolution
+from knitsim.equilibrium.fabric import BarrierContact, CoreContact, Resolution
 from knitsim.equilibrium.model import (
     Model,
     build_model,
@@ -25,7 +25,7 @@ from knitsim.equilibrium.newton_kernels import (
     NOT_FINITE,
     TOO_MANY,
 )
-from knitsim.equilibrium.path_kernels import CROSSINGS_LOST
+from knitsim.equilibrium.path_kernels import CROSSINGS_LOST, TOO_CLOSE
 from knitsim.equilibrium.solve import gradient_at, is_plain, is_stable, minimise
 from knitsim.errors import ComputationError, InputError
 from knitsim.loop.lattice import crossings_intact
@@ -35,6 +35,7 @@ REASONS = {
     NO_DESCENT: "no step lowered the energy although the residual is above the tolerance",
     NOT_FINITE: "energy or residual is not finite: yarns overlap too deeply",
     CROSSINGS_LOST: "yarns passed through each other (crossings lost)",
+    TOO_CLOSE: "yarns are squeezed closer together than their contact points stand",
 }
 
 # Starts tried in turn: sideways overlap of the legs and thickness, in diameters.
@@ -44,7 +45,8 @@ _STARTS = (
 _ROOM = 0.6  # smallest distance at a start, in the diameter then used
 _GROWTH, _GROWTH_STEPS = 1.25, 60  # of the diameter in one step; steps at most
 _CLEAR = 0.97  # a core takes at most this part of the smallest distance
-RELAX_ITERATIONS, RELAX_TRUST = 200, 6
+_LEAST_APART = 0.25  # diameters: closer, yarns at rest have run into each other
+RELAX_ITERATIONS, RELAX_TRUST = 1000, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +137,8 @@ def settle(model, y, free, used=0, scene=None):
         iterations += more
     if status == CONVERGED and not is_intact(model, y):
         status = CROSSINGS_LOST
+    if status == CONVERGED and _run_into(model, np.sqrt(work.closest[0])):
+        status = TOO_CLOSE
     if status != CONVERGED:
         raise ComputationError(
             f"relaxing the fabric: {REASONS[status]} (residual {residual:.3g} N)"
@@ -150,6 +154,18 @@ def settle(model, y, free, used=0, scene=None):
         True,
         is_stable(model, scene, y, free) if model.cell.kind == "full" else None,
     )
+
+
+def _run_into(model, nearest):
+    """Whether a smallest distance (m) says that the yarn has run into itself.
+
+    An unloaded yarn is squeezed to half its diameter at most; where the search for a start has pushed
+    two places of it into each other, discrete contact points may hold them there.
+    """
+    least = model.scene.touch.points[0].length
+    if isinstance(model.fabric.contact, BarrierContact):
+        least = max(least, _LEAST_APART * model.fabric.diameter)
+    return nearest < least
 
 
 def held_state(fabric, resolution=None):
@@ -172,6 +188,8 @@ def _held_start(model):
             reasons.append("start not interlooped")
             continue
         done, used = _grow(model, y, control)
+        if done == CONVERGED and _run_into(model, _nearest(model, y)):
+            done = TOO_CLOSE
         if done == CONVERGED and is_intact(model, y):
             return y, used
         reasons.append(REASONS.get(done, REASONS[CROSSINGS_LOST]))

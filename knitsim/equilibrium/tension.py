@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from knitsim.equilibrium.accuracy import increment_error, spatial_error
+from knitsim.equilibrium.accuracy import fine_relaxed, increment_error, spatial_error
 from knitsim.equilibrium.curve import LOADING, RECOVERY, Curve
 from knitsim.equilibrium.path_kernels import REACHED, March, new_trail
 from knitsim.equilibrium.relax import REASONS, settle
@@ -85,21 +85,16 @@ def tensile(
     curve = walk.curve(direction, pulled, base, width)
     if not estimate_error:
         return curve
-    error = spatial_error(relaxed, curve)
-    if relaxed.model.fabric.friction > 0.0:
-        error = error + increment_error(
-            curve,
-            tensile(
-                relaxed,
-                direction,
-                strains,
-                lateral=lateral,
-                recovery=recovery,
-                cycles=cycles,
-                to_force=to_force,
-                increment=2.0 * increment,
-            ),
-        )
+    if relaxed.model.fabric.friction == 0.0:
+        return curve.replaced(numerical_error=spatial_error(relaxed, curve))
+    # With friction the force depends on the way: the whole test again, finer and in coarser steps.
+    again = {"lateral": lateral, "recovery": recovery, "cycles": cycles, "to_force": to_force}
+    try:
+        fine = tensile(fine_relaxed(relaxed), direction, strains, increment=increment, **again)
+        coarse = tensile(relaxed, direction, strains, increment=2.0 * increment, **again)
+        error = increment_error(curve, fine) + increment_error(curve, coarse)
+    except ComputationError:
+        error = np.full(curve.steps, np.nan)
     return curve.replaced(numerical_error=error)
 
 
