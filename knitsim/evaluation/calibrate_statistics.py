@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from knitsim.errors import InputError
 
@@ -94,7 +94,7 @@ def spread(values, residual, jacobian, scale, groups):
     correlation = np.eye(p)
     both = np.ix_(finite, finite)
     correlation[both] = covariance[both] / np.outer(error[finite], error[finite])
-    factor = float(student.ppf(0.5 + 0.5 * CONFIDENCE, freedom))
+    factor = float(stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE))
     interval = np.stack([values - factor * error, values + factor * error], axis=1)
     information = jacobian.T @ jacobian / s2 if s2 > 0 else np.full((p, p), np.inf)
     return Spread(covariance, information, correlation, error, interval, factor, freedom, pattern)
