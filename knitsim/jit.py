@@ -18,8 +18,9 @@ from knitsim.provenance import kernel_hash
 CACHE_DIR = cache_root() / f"numba-{kernel_hash()}"
 numba.config.CACHE_DIR = str(CACHE_DIR)
 
-# No fastmath: it would let a NaN pass the checks that must catch it.
-njit = functools.partial(numba.njit, cache=True, error_model="numpy")
+# No fastmath: it would let a NaN pass the checks that must catch it.  No wrappers for C, which nothing
+# here asks for and which take time to compile.
+njit = functools.partial(numba.njit, cache=True, error_model="numpy", no_cfunc_wrapper=True)
 
 
 def compilation_timer():

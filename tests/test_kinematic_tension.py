@@ -29,8 +29,7 @@ def naive_length(loop, along, across):
 
     knots = loop.spline.knots
     return sum(
-        quad(speed, a, b, epsabs=1e-15, epsrel=1e-12)[0]
-        for a, b in itertools.pairwise(knots)
+        quad(speed, a, b, epsabs=1e-15, epsrel=1e-12)[0] for a, b in itertools.pairwise(knots)
     )
 
 

@@ -270,7 +270,7 @@ def test_map_shows_every_case(monkeypatch):
             row[field.name] = " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
         row |= {"possible": "no" if impossible(case) else "yes", "outcome": outcomes[number % 4]}
         rows.append(row)
-    fig = stress_map(rows)
+    fig = stress_map(rows, stage.LIMITS)
     drawn = [r for r in rows if r["family"] != "no input" or float(r["bending_rigidity"]) > 0]
     shown = sum(len(c.get_offsets()) for c in fig.axes[0].collections)
     assert 30 < shown <= len(drawn)

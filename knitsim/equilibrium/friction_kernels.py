@@ -55,7 +55,9 @@ class Slip(NamedTuple):
 @njit
 def no_slip():
     """Friction of a scene that has none."""
-    return Slip(np.empty(0, dtype=RUB), np.empty((0, 0), dtype=RUB), 1.0, np.empty(0, dtype=LAG), 1.0)
+    return Slip(
+        np.empty(0, dtype=RUB), np.empty((0, 0), dtype=RUB), 1.0, np.empty(0, dtype=LAG), 1.0
+    )
 
 
 @njit

@@ -4,6 +4,9 @@ Newton's method uses the exact Hessian, shifted by a multiple of the identity wh
 definite, a cap on the largest displacement and an Armijo line search.  Where a further decrease of
 the energy drowns in round-off, a smaller residual counts as progress.
 
+A Hessian costs several gradients.  So its factor serves for up to two more steps where the residual
+falls so fast that these are expected to end the search.
+
 A nearly inextensible yarn that turns stretches at first in any straight step, and the next step
 takes the stretch out again; a line search that forbids the rise crawls.  So a few whole steps may be
 taken on trust (Control.trust): if they do not end below the energy they started from, the best

@@ -35,7 +35,7 @@ SMALLEST = 1.0 / 64.0  # of an asked step
 BALANCED = 0.03  # of an increment's work: what may be neither stored nor lost
 WHOLE_BALANCED = 3e-3  # of all work so far: the same
 SMALLEST_BALANCED = 1.0 / 8.0  # of an asked step: increments are not made smaller for the balance
-LOOSE = 1e3  # tolerance of the passes that only find normal forces, over that of the last
+LOOSE = 1e2  # tolerance of the passes that only find normal forces, over that of the last
 LEAST_MOVE = 1e-3  # of the largest increment: a step that moves less is rounded as if it moved this
 
 
@@ -112,7 +112,8 @@ def resolved(scene, work):
     return points.size == 0 or work.closest[0] >= points[0].length ** 2
 
 
-@njit
+# Inlined into its one caller: on its own it would compile all the solver once more.
+@njit(inline="always")
 def solve_step(scene, y, march, control, start, work):
     """Equilibrium at the driven values of y, with friction against the state ``start``.
 

@@ -4,8 +4,6 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
-from knitsim.evaluation.campaign import AT_REST, PEIRCE
-from knitsim.evaluation.stress import FAMILIES, LEAST_BULK, NARROW, THICK, TIGHTEST
 from knitsim.figures import style
 from knitsim.figures.states import heading, letter
 
@@ -18,11 +16,11 @@ _OUTCOMES = {
 }
 
 
-def stress_map(rows):
+def stress_map(rows, limits):
     """Maps of the cases by their inputs, and what became of each family.
 
-    rows: mappings by knitsim.stages.stress.COLUMNS, values as text.  Cases called impossible from
-    their inputs are pale; dashed lines are where the rule draws the limit.
+    rows: mappings by knitsim.stages.stress.COLUMNS, values as text; limits: that stage's LIMITS.
+    Cases called impossible from their inputs are pale; dashed lines are where the rule draws the limit.
     """
     every, rows = rows, [row for row in rows if _drawable(row)]
     fig, axes = style.figure(height_mm=150.0, rows=2, columns=3)
@@ -42,14 +40,14 @@ def stress_map(rows):
     _scatter(ax, rows, compression, rigidity, np.ones(len(rows), dtype=bool))
     # B/(K d^3) of the narrowest contact that contact points resolve.
     ends = np.array([compression.min(), compression.max()])
-    ax.plot(ends, 16.0 * NARROW * ends, color=style.BLACK, linestyle="--", linewidth=0.8)
+    ax.plot(ends, 16.0 * limits["narrow"] * ends, color=style.BLACK, linestyle="--", linewidth=0.8)
     ax.set(xscale="log", yscale="log", xlabel=r"compression $K d / k_1$ (1)")
     ax.set_ylabel(r"bending rigidity $16 B / (k_1 d^2)$ (1)")
     letter(ax, "a  yarn: bending and compression")
     ax = axes[0, 1]
     _scatter(ax, rows, bulk, room, np.ones(len(rows), dtype=bool))
-    ax.axhline(PEIRCE * AT_REST, color=style.BLACK, linestyle="--", linewidth=0.8)
-    ax.axvline(LEAST_BULK, color=style.BLACK, linestyle="--", linewidth=0.8)
+    ax.axhline(limits["room"], color=style.BLACK, linestyle="--", linewidth=0.8)
+    ax.axvline(limits["bulk"], color=style.BLACK, linestyle="--", linewidth=0.8)
     ax.set(xscale="log", xlabel=r"loop length $l / d$ (1)", ylabel=r"$(l - 2c - w) / d$ (1)")
     ax.set_yscale("symlog", linthresh=10.0)
     for axis, ticks in ((ax.xaxis, (12, 20, 40, 80)), (ax.yaxis, (0, 5, 10, 20, 50))):
@@ -63,13 +61,13 @@ def stress_map(rows):
     letter(ax, "c  tension: strain and friction")
     ax = axes[1, 0]
     _scatter(ax, rows, np.abs(value["curvature"]) * d, rigidity, bends)
-    ax.axvline(TIGHTEST / THICK, color=style.BLACK, linestyle="--", linewidth=0.8)
+    ax.axvline(limits["curvature"], color=style.BLACK, linestyle="--", linewidth=0.8)
     ax.set(xscale="log", yscale="log", xlabel=r"curvature $|\kappa| d$ (1)")
     ax.set_ylabel(r"bending rigidity $16 B / (k_1 d^2)$ (1)")
     letter(ax, "d  bending: curvature")
-    _families(axes[1, 1], every, "yes")
+    _families(axes[1, 1], every, limits["families"], "yes")
     letter(axes[1, 1], "e  possible cases")
-    _families(axes[1, 2], every, "no")
+    _families(axes[1, 2], every, limits["families"], "no")
     axes[1, 2].set_yticklabels([])
     letter(axes[1, 2], "f  cases called impossible")
     fig.legend(handles=_legend(), loc="outside lower center", ncols=3)
@@ -115,9 +113,9 @@ def _scatter(ax, rows, x, y, which):
     ax.grid(True)
 
 
-def _families(ax, rows, possible):
+def _families(ax, rows, families, possible):
     """Shares of the outcomes of each family, per cent, with the number of cases."""
-    names = list(FAMILIES)[::-1]
+    names = list(families)[::-1]
     for place, family in enumerate(names):
         own = [r["outcome"] for r in rows if r["family"] == family and r["possible"] == possible]
         left = 0.0

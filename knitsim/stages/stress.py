@@ -23,6 +23,7 @@ from knitsim.equilibrium.tension import FRICTION_INCREMENT, tensile
 from knitsim.errors import ComputationError, InputError
 from knitsim.evaluation import stress
 from knitsim.evaluation.bending_judge import UNBALANCED, Test, TestStates, judge_test
+from knitsim.evaluation.campaign import AT_REST, PEIRCE
 from knitsim.evaluation.judge import FINE_FORCE
 from knitsim.evaluation.judge_energy import Given
 from knitsim.yarn.law import TensionLaw
@@ -42,6 +43,12 @@ _FOUND = (
 COLUMNS = [*_OF_CASE, *_OF_FABRIC, "possible", "impossible_because", *_FOUND]
 TIMES = ("number", "relaxing", "testing", "refining", "judging")
 SUMMARY = ("quantity", "family", "value", "limit")
+# Of the rule for possible cases, for the map: B/(K d^3), room for the loop in diameters, l/d, curvature
+# times diameter; and the families of cases.
+LIMITS = {
+    "narrow": stress.NARROW, "room": PEIRCE * AT_REST, "bulk": stress.LEAST_BULK,
+    "curvature": stress.TIGHTEST / stress.THICK, "families": tuple(stress.FAMILIES),
+}  # fmt: skip
 
 
 def run(numbers, seed=stress.SEED):

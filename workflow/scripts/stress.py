@@ -7,7 +7,7 @@ with job(snakemake):
 
     from knitsim.figures import style
     from knitsim.figures.stress import stress_map
-    from knitsim.stages.stress import COLUMNS, SUMMARY, TIMES, gathered, summary
+    from knitsim.stages.stress import COLUMNS, LIMITS, SUMMARY, TIMES, gathered, summary
     from knitsim.store.timing import write_csv
 
     rows = gathered(snakemake.input.rows)
@@ -15,4 +15,4 @@ with job(snakemake):
     write_csv(snakemake.output.times, TIMES, gathered(snakemake.input.times))
     write_csv(snakemake.output.summary, SUMMARY, summary(rows))
     with style.context():
-        style.save(stress_map(rows), Path(snakemake.output.figure[0]).with_suffix(""))
+        style.save(stress_map(rows, LIMITS), Path(snakemake.output.figure[0]).with_suffix(""))
