@@ -349,7 +349,7 @@ def test_both_models_stand_in_the_force_figure(panel, direction, datasets, figur
     colour = EQUILIBRIUM_COLOURS[True, True]
     ((x, y),) = lines_of(ax, color=colour, linestyle="--")
     back = np.flatnonzero(rough.phase.values == "recovery")
-    assert np.array_equal(x, 100.0 * rough.strain.values[[back[0] - 1, *back]])
+    assert x == pytest.approx(100.0 * rough.strain.values[[back[0] - 1, *back]], rel=1e-12)
     ((left, _),) = lines_of(ax, color=colour, marker="D")
     assert left == pytest.approx(100.0 * rough.strain.values[back[-1]])
     assert left[0] > 1.0  # friction keeps some of the strain

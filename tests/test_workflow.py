@@ -471,6 +471,7 @@ def remove_results(project, kinds):
     return [path.relative_to(project.folder).as_posix() for path in found]
 
 
+@pytest.mark.slow
 def test_kill_in_the_middle_then_resume(project, finished):
     targets = remove_results(project, ["bending"])
     assert len(targets) == 6
