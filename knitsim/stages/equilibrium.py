@@ -6,6 +6,8 @@ import xarray as xr
 from knitsim.equilibrium.fabric import BarrierContact, CoreContact, Fabric, Resolution
 from knitsim.stages.needs import cell_of
 from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES, VARIABLES
+from knitsim.store.tensile import stack_variants
+from knitsim.store.writer import to_json
 from knitsim.yarn.compression import fit_barrier_file
 
 _STATES = VARIABLES["status"].flags
@@ -99,39 +101,59 @@ def curve_dataset(curve, relaxed, breaking_strain, steps=None, along="strain"):
     along: name of the coordinate that the test goes through, ``strain`` or ``shear_angle``.  Rows
     that were not reached hold no numbers and the status not_converged.
     """
-    padded = padding(curve.steps, steps)
     status = status_of(curve.yarn_strain, breaking_strain, steps)
-    variables = {
-        "force_per_loop": padded(curve.force_per_loop),
-        "force_per_width": padded(curve.force_per_width),
-        "yarn_tension": padded(curve.yarn_tension),
-        "yarn_strain": padded(curve.yarn_strain),
-        "transverse_strain": padded(curve.transverse_strain(relaxed)),
-        "wale_spacing": padded(curve.wale_spacing),
-        "course_spacing": padded(curve.course_spacing),
-        "work": padded(curve.work),
-        "dissipated": padded(curve.dissipated),
-        "min_distance": padded(curve.min_distance),
-        "crossings_intact": padded(curve.crossings_intact.astype(np.int8), 0).astype(np.int8),
-        "residual": padded(curve.residual),
-        "iterations": padded(curve.iterations, 0),
-        "numerical_error": padded(curve.numerical_error),
-        "status": status,
+    own = {
+        "force_per_loop": curve.force_per_loop,
+        "force_per_width": curve.force_per_width,
+        "yarn_tension": curve.yarn_tension,
+        "yarn_strain": curve.yarn_strain,
+        "transverse_strain": curve.transverse_strain(relaxed),
     }
-    points = curve.centreline
-    data = {name: ("step", values) for name, values in variables.items()}
+    return states_dataset(curve, own, curve.centreline, {along: curve.strain}, status)
+
+
+def states_dataset(curve, own, centreline, coordinate, status):
+    """Dataset of the states of a tensile, shear or bending test, padded to the rows of ``status``.
+
+    own: arrays (states,) of this kind of test, by name, beside what all of them store; coordinate:
+    {name: (states,)}, what the test goes through.
+    """
+    padded = padding(curve.steps, status.size)
+    data = {name: ("step", padded(values)) for name, values in own.items()}
+    for name in (
+        "wale_spacing", "course_spacing", "work", "dissipated", "min_distance", "residual",
+        "numerical_error",
+    ):  # fmt: skip
+        data[name] = ("step", padded(getattr(curve, name)))
+    data["iterations"] = ("step", padded(curve.iterations, 0))
+    intact = padded(curve.crossings_intact.astype(np.int8), 0).astype(np.int8)
+    data["crossings_intact"] = ("step", intact)
+    data["status"] = ("step", status)
     data["energy"] = (("step", "term"), padded(curve.energy))
-    data["centreline"] = (("step", "point", "axis"), padded(points))
+    data["centreline"] = (("step", "point", "axis"), padded(centreline))
     phase = np.array(PHASES)[padded(curve.phase, 0).astype(int)]
     return xr.Dataset(
         data,
         {
             "step": np.arange(status.size),
             "term": list(ENERGY_TERMS),
-            "point": np.arange(points.shape[1]),
+            "point": np.arange(centreline.shape[1]),
             "axis": list(AXES),
-            along: ("step", padded(curve.strain)),
+            **{name: ("step", padded(values)) for name, values in coordinate.items()},
             "phase": ("step", phase),
             "cycle": ("step", padded(curve.cycle, 1)),
         },
     )
+
+
+def variants_dataset(fabric, stage, states, reasons, effects):
+    """Dataset of a test in all its variants.
+
+    states: {variant: Dataset}; reasons: {variant: why its curve ended early, or nothing}; effects:
+    Dataset of what the assumptions change.
+    """
+    dataset = stack_variants(states).merge(effects)
+    dataset["diameter"] = fabric.yarn["diameter"]
+    dataset.attrs["readings"] = to_json(fabric.scene[stage]["variants"])
+    dataset.attrs["stop_reason"] = "; ".join(f"{n}: {r}" for n, r in reasons.items() if r)
+    return dataset

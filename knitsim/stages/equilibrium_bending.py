@@ -4,7 +4,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import xarray as xr
 from scipy.interpolate import CubicSpline
 
 from knitsim.configuration.schema import closure
@@ -12,13 +11,17 @@ from knitsim.equilibrium.bending import bend
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
 from knitsim.evaluation.kes_bending import SLOPE_RANGE
-from knitsim.stages.equilibrium import padding, resolution_of, solver_fabric, status_of
+from knitsim.stages.described import describe_stage
+from knitsim.stages.equilibrium import (
+    resolution_of,
+    solver_fabric,
+    states_dataset,
+    status_of,
+    variants_dataset,
+)
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
-from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES
-from knitsim.store.tensile import stack_variants
 from knitsim.store.timing import Timings
-from knitsim.store.writer import describe, to_json
 from knitsim.units import from_si
 
 STAGE = "equilibrium_bending"
@@ -57,41 +60,19 @@ def yarn_strain(flat, curvature, axis, loop_length):
 def bending_dataset(curve, direction, law, loop_length, steps=None):
     """Dataset of a knitsim.equilibrium BendingCurve, padded to ``steps`` stored states."""
     n, axis = curve.steps, DIRECTIONS.index(direction)
-    padded = padding(n, steps)
-    points = np.array([curve.centreline_bent(k) for k in range(n)])
     strain, tension = np.empty(n), np.empty(n)
     for k, (flat, kappa) in enumerate(zip(curve.centreline, curve.curvature, strict=True)):
         local = yarn_strain(flat, kappa, axis, loop_length)
         strain[k], tension[k] = local.mean(), law.tension_at(local).mean()
-    status = status_of(strain, law.breaking_strain, steps)
-    variables = {
-        "yarn_tension": padded(tension),
-        "yarn_strain": padded(strain),
-        "crossings_intact": padded(curve.crossings_intact.astype(np.int8), 0).astype(np.int8),
-        "iterations": padded(curve.iterations, 0),
-        "status": status,
+    own = {
+        "moment_per_width": curve.moment_per_width,
+        "change_error": curve.change_error,
+        "yarn_tension": tension,
+        "yarn_strain": strain,
     }
-    for name in (
-        "moment_per_width", "wale_spacing", "course_spacing", "work", "dissipated", "min_distance",
-        "residual", "numerical_error", "change_error",
-    ):  # fmt: skip
-        variables[name] = padded(getattr(curve, name))
-    data = {name: ("step", values) for name, values in variables.items()}
-    data["energy"] = (("step", "term"), padded(curve.energy))
-    data["centreline"] = (("step", "point", "axis"), padded(points))
-    phase = np.array(PHASES)[padded(curve.phase, 0).astype(int)]
-    return xr.Dataset(
-        data,
-        {
-            "step": np.arange(status.size),
-            "term": list(ENERGY_TERMS),
-            "point": np.arange(points.shape[1]),
-            "axis": list(AXES),
-            "curvature": ("step", padded(curve.curvature)),
-            "phase": ("step", phase),
-            "cycle": ("step", padded(curve.cycle, 1)),
-        },
-    )
+    points = np.array([curve.centreline_bent(k) for k in range(n)])
+    status = status_of(strain, law.breaking_strain, steps)
+    return states_dataset(curve, own, points, {"curvature": curve.curvature}, status)
 
 
 def _relaxed(fabric, law, choice):
@@ -161,22 +142,18 @@ def run(fabric, laws, direction):
             partial(bent, fabric, relaxed, direction, curvatures, choice, name),
         )
     steps = max(curve.steps for curve in solved.values())
-    dataset = stack_variants({
+    states = {
         name: bending_dataset(curve, direction, law, fabric["loop_length"], steps)
         for name, curve in solved.items()
-    })  # fmt: skip
+    }
     with timings.measure(f"{direction}: effect of the assumptions"):
         effects = effect_dataset(fabric, closure(STAGE), partial(headlines, direction=direction))
-    dataset = dataset.merge(effects)
-    dataset["diameter"] = fabric.yarn["diameter"]
-    dataset.attrs["readings"] = to_json(choices)
-    dataset.attrs["stop_reason"] = "; ".join(f"{n}: {r}" for n, r in reasons.items() if r)
-    config = fabric.config(STAGE)
-    describe(
-        dataset, title=f"Equilibrium bending of {fabric.name}, {direction} direction curved",
+    dataset = variants_dataset(fabric, STAGE, states, reasons, effects)
+    describe_stage(
+        dataset, fabric, STAGE,
+        title=f"Equilibrium bending of {fabric.name}, {direction} direction curved",
         summary="One interlooped yarn in a lattice rolled about a cylinder, in equilibrium in every"
         " state; the moment is that about the mean plane of the centre line.",
-        references=("munden",), configuration=config, assumptions=config["assumed"],
-        modules=["knitsim.stages.equilibrium_bending"],
+        references=("munden",),
     )  # fmt: skip
     return dataset, timings

@@ -8,12 +8,12 @@ from knitsim.equilibrium.accuracy import fine_relaxed
 from knitsim.equilibrium.density import fit_density
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
+from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
 from knitsim.store.schema import AXES, ENERGY_TERMS
 from knitsim.store.timing import Timings
-from knitsim.store.writer import describe
 
 STAGE = "equilibrium_rest"
 LOOP_LENGTHS = 9
@@ -112,11 +112,9 @@ def run(fabric, laws):
     with timings.measure("effect of the assumptions"):
         dataset = dataset.merge(effect_dataset(fabric, closure(STAGE), headlines))
     dataset.attrs["not_reached"] = "; ".join(reasons)
-    config = fabric.config(STAGE)
-    describe(
-        dataset, title=f"Fabric {fabric.name} at rest in the equilibrium model",
+    describe_stage(
+        dataset, fabric, STAGE, title=f"Fabric {fabric.name} at rest in the equilibrium model",
         summary="One interlooped yarn in a periodic lattice, both spacings free, no load.",
-        references=("peirce", "munden"), configuration=config, assumptions=config["assumed"],
-        modules=["knitsim.stages.equilibrium_rest"],
+        references=("peirce", "munden"),
     )  # fmt: skip
     return dataset, timings

@@ -5,10 +5,10 @@ import numpy as np
 from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.relax import relax
 from knitsim.equilibrium.tension import shear
+from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import curve_dataset, solver_fabric
 from knitsim.stages.needs import cell_of
 from knitsim.store.timing import Timings
-from knitsim.store.writer import describe
 
 STAGE = "equilibrium_shear"
 
@@ -35,12 +35,10 @@ def run(fabric, laws):
     dataset = dataset.drop_vars("transverse_strain")
     dataset["diameter"] = fabric.yarn["diameter"]
     dataset.attrs["stop_reason"] = curve.stop_reason
-    config = fabric.config(STAGE)
-    describe(
-        dataset, title=f"Equilibrium shear test of {fabric.name}",
+    describe_stage(
+        dataset, fabric, STAGE, title=f"Equilibrium shear test of {fabric.name}",
         summary="Shear in the plane of the fabric under tension along the wale; the force is that"
         " along the course.",
-        references=("munden",), configuration=config, assumptions=config["assumed"],
-        modules=["knitsim.stages.equilibrium_shear"],
+        references=("munden",),
     )  # fmt: skip
     return dataset, timings

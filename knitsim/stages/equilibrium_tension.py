@@ -7,14 +7,19 @@ import numpy as np
 from knitsim.configuration.schema import closure
 from knitsim.equilibrium.relax import relax
 from knitsim.equilibrium.tension import tensile
-from knitsim.stages.equilibrium import curve_dataset, from_rest, resolution_of, solver_fabric
+from knitsim.stages.described import describe_stage
+from knitsim.stages.equilibrium import (
+    curve_dataset,
+    from_rest,
+    resolution_of,
+    solver_fabric,
+    variants_dataset,
+)
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
 from knitsim.stages.needs import solves_recovery
 from knitsim.stages.reversible import there_and_back
-from knitsim.store.tensile import stack_variants
 from knitsim.store.timing import Timings
-from knitsim.store.writer import describe, to_json
 
 STAGE = "equilibrium_tension"
 # Strains at which the ledger follows the force.
@@ -89,21 +94,17 @@ def run(fabric, laws, direction):
             ),
         )
     steps = max(curve.steps for _, curve in solved.values())
-    dataset = stack_variants({
+    states = {
         name: curve_dataset(curve, relaxed, law.breaking_strain, steps)
         for name, (relaxed, curve) in solved.items()
-    })  # fmt: skip
+    }
     with timings.measure(f"{direction}: effect of the assumptions"):
         effects = effect_dataset(fabric, closure(STAGE), partial(headlines, direction=direction))
-    dataset = dataset.merge(effects)
-    dataset["diameter"] = fabric.yarn["diameter"]
-    dataset.attrs["readings"] = to_json(choices)
-    dataset.attrs["stop_reason"] = "; ".join(f"{n}: {r}" for n, r in reasons.items() if r)
-    config = fabric.config(STAGE)
-    describe(
-        dataset, title=f"Equilibrium tensile test of {fabric.name}, {direction} direction",
+    dataset = variants_dataset(fabric, STAGE, states, reasons, effects)
+    describe_stage(
+        dataset, fabric, STAGE,
+        title=f"Equilibrium tensile test of {fabric.name}, {direction} direction",
         summary="One interlooped yarn in a periodic lattice, in equilibrium in every state.",
-        references=("munden",), configuration=config, assumptions=config["assumed"],
-        modules=["knitsim.stages.equilibrium_tension"],
+        references=("munden",),
     )  # fmt: skip
     return dataset, timings

@@ -6,6 +6,7 @@ import numpy as np
 
 from knitsim.configuration.schema import closure
 from knitsim.kinematic.bending import bending_test, bent_points, fibre_points, sweep
+from knitsim.stages.described import describe_stage
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
 from knitsim.stages.loop import loop_of
@@ -14,7 +15,6 @@ from knitsim.stages.yarn import layout_of, signed_twist
 from knitsim.store.schema import VARIABLES
 from knitsim.store.tensile import stack_variants, test_dataset
 from knitsim.store.timing import Timings
-from knitsim.store.writer import describe
 
 STAGE = "kinematic_bending"
 _TIMED_STEPS, _TIMED_SECTIONS, _TIMED_FIBRES = 200, 100, 72
@@ -105,12 +105,11 @@ def run(fabric, laws, direction):
     spacing = loop.wale_spacing if direction == "course" else loop.course_spacing
     dataset["model_length"] = test["loops"] * spacing
     dataset["diameter"] = loop.diameter
-    config = fabric.config(STAGE)
-    describe(
-        dataset, title=f"Kinematic bending of {fabric.name}, {direction} direction curved",
+    describe_stage(
+        dataset, fabric, STAGE,
+        title=f"Kinematic bending of {fabric.name}, {direction} direction curved",
         summary="The paper's eqs (6) to (11), as printed and corrected.",
-        references=("paper",), configuration=config, assumptions=config["assumed"],
-        modules=["knitsim.stages.kinematic_bending"],
+        references=("paper",),
     )  # fmt: skip
     _time(timings, loop, law, test, direction, fabric)
     return dataset, timings

@@ -13,6 +13,7 @@ from knitsim.kinematic.tension import (
     tensile_test,
 )
 from knitsim.loop.lattice import smallest_distance
+from knitsim.stages.described import describe_stage
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
 from knitsim.stages.loop import loop_of
@@ -20,7 +21,7 @@ from knitsim.stages.needs import stores_fibres
 from knitsim.stages.yarn import layout_of, signed_twist
 from knitsim.store.tensile import stack_variants, test_dataset
 from knitsim.store.timing import Timings
-from knitsim.store.writer import describe, to_json
+from knitsim.store.writer import to_json
 
 STAGE = "kinematic_tension"
 # The state of the art that the paper's run time is compared with: 200 steps, 72 fibres, 100 sections.
@@ -137,12 +138,11 @@ def run(fabric, laws, direction):
     dataset["diameter"] = loop.diameter
     dataset["loop_height"] = loop_height(loop)
     dataset.attrs["readings"] = to_json({name: test["variants"][name] for name in readings})
-    config = fabric.config(STAGE)
-    describe(
-        dataset, title=f"Kinematic tensile test of {fabric.name}, {direction} direction",
+    describe_stage(
+        dataset, fabric, STAGE,
+        title=f"Kinematic tensile test of {fabric.name}, {direction} direction",
         summary="The paper's eqs (4), (5), as printed and corrected, loading and recovery.",
-        references=("paper",), configuration=config, assumptions=config["assumed"],
-        modules=["knitsim.stages.kinematic_tension"],
+        references=("paper",),
     )  # fmt: skip
     _time(timings, loop, laws, test, direction, fabric)
     return dataset, timings

@@ -14,11 +14,11 @@ from knitsim.loop.inclination import ORDERS, angle_error, backward_share, inclin
 from knitsim.loop.lattice import crossings, crossings_intact
 from knitsim.loop.measures import fabric_measures
 from knitsim.loop.peirce import peirce
+from knitsim.stages.described import describe_stage
 from knitsim.stages.ledger import effect_dataset
 from knitsim.stages.yarn import layout_of, signed_twist
 from knitsim.store.schema import AXES
 from knitsim.store.timing import Timings
-from knitsim.store.writer import describe
 
 STAGE = "loop"
 # Points of the centre line at which the angle error of eqs (2), (3) is taken.
@@ -142,11 +142,9 @@ def run(fabric):
     dataset = xr.Dataset(data, coords)
     with timings.measure("effect of the assumptions"):
         dataset = xr.merge([dataset, effect_dataset(fabric, closure(STAGE), headlines)])
-    config = fabric.config(STAGE)
-    describe(
-        dataset, title=f"Loop of the fabric {fabric.name}",
+    describe_stage(
+        dataset, fabric, STAGE, title=f"Loop of the fabric {fabric.name}",
         summary="Centre line, frames, fibre points, crossings and measures of one loop.",
-        references=("paper", "choi_lo", "peirce", "wang"), configuration=config,
-        assumptions=config["assumed"], modules=["knitsim.stages.loop"],
+        references=("paper", "choi_lo", "peirce", "wang"),
     )  # fmt: skip
     return dataset, timings

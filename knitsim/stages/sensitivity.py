@@ -10,9 +10,9 @@ from knitsim.configuration.measured_keys import PARAMETERS
 from knitsim.evaluation.calibrate_states import value_of
 from knitsim.evaluation.sensitivity import sensitivity_table, standard_results
 from knitsim.stages.calibration import UNITS
+from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
 from knitsim.store.timing import Timings, write_csv
-from knitsim.store.writer import describe
 
 STAGE = "sensitivity"
 COLUMNS = (
@@ -73,13 +73,11 @@ def run(fabric, laws):
         },
     )
     dataset.attrs["force_per_width"] = force
-    config = fabric.config(STAGE)
-    describe(
-        dataset, title=f"Sensitivity of fabric {fabric.name} to its inputs",
+    describe_stage(
+        dataset, fabric, STAGE, title=f"Sensitivity of fabric {fabric.name} to its inputs",
         summary="Change of strain at a given force, B, 2HB and density at rest for one per cent of each"
         " input, by two-sided differences in the equilibrium model.",
-        references=("munden", "kawabata"), configuration=config, assumptions=config["assumed"],
-        modules=["knitsim.stages.sensitivity"],
+        references=("munden", "kawabata"),
     )  # fmt: skip
     return dataset, timings
 

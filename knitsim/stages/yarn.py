@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from knitsim.configuration.schema import closure
+from knitsim.stages.described import describe_stage
 from knitsim.stages.laws import (
     FORMS,
     calibration_of,
@@ -18,7 +19,6 @@ from knitsim.stages.ledger import effect_dataset
 from knitsim.store.schema import PHASES
 from knitsim.store.tensile import stack_variants
 from knitsim.store.timing import Timings
-from knitsim.store.writer import describe
 from knitsim.yarn.law import TensionLaw
 from knitsim.yarn.packing import pack
 from knitsim.yarn.section import (
@@ -205,11 +205,9 @@ def run(yarn):
     if calibration is not None:
         dataset.attrs["calibration"] = calibration.statement
         dataset.attrs["calibration_source"] = calibration.source
-    config = yarn.config(STAGE)
-    describe(
-        dataset, title=f"Yarn {yarn.name}",
+    describe_stage(
+        dataset, yarn, STAGE, title=f"Yarn {yarn.name}",
         summary="Tension law, fibre layout and simulated tensile test of the yarn.",
-        references=("paper", "hearle", "vogel"), configuration=config,
-        assumptions=config["assumed"], modules=["knitsim.stages.yarn"],
+        references=("paper", "hearle", "vogel"),
     )  # fmt: skip
     return dataset, timings

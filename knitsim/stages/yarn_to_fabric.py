@@ -7,10 +7,10 @@ import xarray as xr
 
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
+from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
 from knitsim.stages.equilibrium_bending import DIRECTIONS, rigidity_and_curl
 from knitsim.store.timing import Timings
-from knitsim.store.writer import describe
 
 STAGE = "yarn_to_fabric"
 
@@ -95,12 +95,11 @@ def run(fabric, laws):
         {"row": np.arange(len(rows)), "direction": list(DIRECTIONS), "swept": ("row", swept)},
     )  # fmt: skip
     dataset.attrs["not_reached"] = "; ".join(reasons)
-    config = fabric.config(STAGE)
-    describe(
-        dataset, title=f"Bending rigidity of fabric {fabric.name} over that of its yarn",
+    describe_stage(
+        dataset, fabric, STAGE,
+        title=f"Bending rigidity of fabric {fabric.name} over that of its yarn",
         summary="Loop length, yarn diameter and set change one at a time; equilibrium without"
         " friction, spacings free.",
-        references=("munden",), configuration=config, assumptions=config["assumed"],
-        modules=["knitsim.stages.yarn_to_fabric"],
+        references=("munden",),
     )  # fmt: skip
     return dataset, timings
