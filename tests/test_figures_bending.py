@@ -4,14 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from figure_tools import check_same_twice, draw, named
 
 from knitsim.configuration.study import load_study
-from knitsim.figures import bending, catalogue, style
+from knitsim.figures import bending
 from knitsim.figures.bending import angles_of_sections
 from knitsim.stages import kinematic_bending
 from knitsim.stages.laws import calibration_of, laws_of
 
-FIGURES = {figure.name: figure for figure in catalogue.FIGURES if figure.module == "bending"}
+FIGURES = named("bending")
 SMALL = Path(__file__).parents[1] / "config" / "small"
 
 
@@ -23,11 +24,6 @@ def datasets():
         f"bending_{direction}": kinematic_bending.run(fabric, laws, direction)[0]
         for direction in ("course", "wale")
     }
-
-
-def draw(stem, datasets):
-    with style.context():
-        return getattr(bending, stem)(**{name: datasets[name] for name in FIGURES[stem].needs})
 
 
 @pytest.fixture(scope="module")
@@ -126,14 +122,10 @@ def test_axes_have_units_and_the_title_its_fabric(figures):
         assert ax.texts[0].get_text().endswith(" mm")  # its scale bar
 
 
-@pytest.mark.parametrize("stem", FIGURES)
-def test_saved_files_are_the_same_twice(stem, datasets, figures, tmp_path):
-    first = style.save(figures[stem], tmp_path / "first")
-    second = style.save(draw(stem, datasets), tmp_path / "second")
-    for one, other in zip(first, second, strict=True):
-        content = one.read_bytes()
-        assert content == other.read_bytes()
-        assert 5_000 < len(content) < 1_500_000
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FIGURES)
+def test_saved_files_are_the_same_twice(name, datasets, figures, tmp_path):
+    check_same_twice([figures[name], draw(name, datasets)], tmp_path)
 
 
 def test_without_the_printed_form_only_the_corrected_one_is_drawn(datasets):

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from figure_tools import check_same_twice, draw, lines, named, panel
 
 from knitsim.configuration.study import load_study
-from knitsim.figures import catalogue, equilibrium_tension, relaxed, style
+from knitsim.figures import equilibrium_tension, relaxed
 from knitsim.figures.readings import EQUILIBRIUM_COLOURS
 from knitsim.stages import equilibrium_rest, loop
 from knitsim.stages import equilibrium_tension as stage
 from knitsim.stages.laws import laws_of
 
-MODULES = {"relaxed": relaxed, "equilibrium_tension": equilibrium_tension}
-FIGURES = {f.name: f for f in catalogue.FIGURES if f.group == "equilibrium"}
+FIGURES = named("relaxed", "equilibrium_tension")
 SMALL = Path(__file__).parents[1] / "config" / "small"
 
 
@@ -28,40 +28,15 @@ def datasets():
     return made
 
 
-def draw(name, datasets):
-    figure = FIGURES[name]
-    with style.context():
-        function = getattr(MODULES[figure.module], name)
-        return function(**{need: datasets[need] for need in figure.needs})
-
-
 @pytest.fixture(scope="module")
 def figures(datasets):
     return {name: draw(name, datasets) for name in FIGURES}
 
 
-def panel(fig, start):
-    """The axes whose heading starts like this."""
-    return next(ax for ax in fig.axes if ax.get_title("left").startswith(start))
-
-
-def lines(ax, **wanted):
-    """Data (2, n) of the axes' lines with these properties."""
-    return [
-        line.get_xydata().T
-        for line in ax.lines
-        if all(getattr(line, f"get_{name}")() == value for name, value in wanted.items())
-    ]
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_saved_files_are_the_same_twice(name, datasets, figures, tmp_path):
-    first = style.save(figures[name], tmp_path / "first")
-    second = style.save(draw(name, datasets), tmp_path / "second")
-    for one, other in zip(first, second, strict=True):
-        content = one.read_bytes()
-        assert content == other.read_bytes()
-        assert 10_000 < len(content) < 1_500_000
+    check_same_twice([figures[name], draw(name, datasets)], tmp_path)
 
 
 def test_axes_name_their_units_and_the_title_its_fabric(figures):

@@ -1,21 +1,21 @@
 """Figures of bending in equilibrium, of the KES parameters and from yarn to fabric."""
 
 import re
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
+from figure_tools import check_same_twice, draw, lines, named, panel
 
 from knitsim.configuration.study import load_study
-from knitsim.figures import catalogue, equilibrium_bending, kes_chart, style, yarn_to_fabric
+from knitsim.figures import equilibrium_bending, kes_chart, style, yarn_to_fabric
 from knitsim.stages import equilibrium_bending as stage
 from knitsim.stages import equilibrium_rest, kes, kinematic_bending
 from knitsim.stages import yarn_to_fabric as sweep
 from knitsim.stages.laws import laws_of
 from knitsim.store.writer import write
 
-FIGURES = {f.name: f for f in catalogue.FIGURES if f.group == "bent"}
+FIGURES = named("equilibrium_bending", "kes_chart", "yarn_to_fabric")
 SMALL = Path(__file__).parents[1] / "config" / "small"
 
 
@@ -38,28 +38,9 @@ def datasets(tmp_path_factory):
     return made
 
 
-def draw(name, datasets):
-    figure = FIGURES[name]
-    function = getattr(import_module(f"knitsim.figures.{figure.module}"), name)
-    with style.context():
-        return function(**{key: datasets[key] for key in (*figure.needs, *figure.takes)})
-
-
 @pytest.fixture(scope="module")
 def figures(datasets):
     return {name: draw(name, datasets) for name in FIGURES}
-
-
-def panel(fig, start):
-    return next(ax for ax in fig.axes if ax.get_title("left").startswith(start))
-
-
-def lines(ax, **wanted):
-    return [
-        line.get_xydata().T
-        for line in ax.lines
-        if all(getattr(line, f"get_{name}")() == value for name, value in wanted.items())
-    ]
 
 
 def test_axes_name_their_units_and_the_title_its_fabric(figures):
@@ -78,13 +59,8 @@ def test_axes_name_their_units_and_the_title_its_fabric(figures):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
-def test_saved_files_are_the_same_twice(name, datasets, tmp_path):
-    first = style.save(draw(name, datasets), tmp_path / "first")
-    second = style.save(draw(name, datasets), tmp_path / "second")
-    for one, other in zip(first, second, strict=True):
-        content = one.read_bytes()
-        assert content == other.read_bytes()
-        assert 10_000 < len(content) < 1_500_000
+def test_saved_files_are_the_same_twice(name, datasets, figures, tmp_path):
+    check_same_twice([figures[name], draw(name, datasets)], tmp_path)
 
 
 @pytest.mark.parametrize(("direction", "letters"), [("course", "abc"), ("wale", "efg")])

@@ -14,7 +14,12 @@ def draw(figures, files, stems):
     """
     data = {name: xr.load_dataset(path, engine="netcdf4") for name, path in files.items()}
     for figure in figures:
-        function = getattr(import_module(f"knitsim.figures.{figure.module}"), figure.name)
-        arguments = {name: data[name] for name in (*figure.needs, *figure.takes) if name in data}
-        with style.context():
-            style.save(function(**arguments), stems[figure.name])
+        style.save(drawn(figure, data), stems[figure.name])
+
+
+def drawn(figure, data):
+    """The matplotlib figure of an entry of the catalogue, from what of its datasets is in ``data``."""
+    function = getattr(import_module(f"knitsim.figures.{figure.module}"), figure.name)
+    arguments = {name: data[name] for name in (*figure.needs, *figure.takes) if name in data}
+    with style.context():
+        return function(**arguments)
