@@ -13,6 +13,28 @@ from knitsim.jit import njit
 
 
 @njit
+def segments_crossing(points, i, k, start, side):
+    """(p, above): where the segment from vertex i on crosses an image of that from vertex k on.
+
+    start, side: the image's first vertex and its course to the second, seen along the thickness
+    axis.  p: part of the way along segment i, -1 if they do not cross; above: whether i lies above.
+    """
+    cx, cy = start
+    ex, ey = side
+    ax, ay = points[i, 0], points[i, 1]
+    bx, by = points[i + 1, 0] - ax, points[i + 1, 1] - ay
+    area = bx * ey - by * ex
+    if area == 0.0:
+        return -1.0, False
+    p = ((cx - ax) * ey - (cy - ay) * ex) / area
+    q = ((cx - ax) * by - (cy - ay) * bx) / area
+    if not (0.0 <= p < 1.0 and 0.0 <= q < 1.0):
+        return -1.0, False
+    z = points[i, 2] + p * (points[i + 1, 2] - points[i, 2])
+    return p, z > points[k, 2] + q * (points[k + 1, 2] - points[k, 2])
+
+
+@njit
 def crossings_of(trace, points, lattice, limit):
     """Crossing codes in order along each own yarn; at most ``limit``.
 
@@ -55,18 +77,11 @@ def crossings_of(trace, points, lattice, limit):
                     continue
                 if min(ay, ay + by) > high_y or max(ay, ay + by) < low_y:
                     continue
-                area = bx * ey - by * ex
-                if area == 0.0:
-                    continue
-                p = ((cx - ax) * ey - (cy - ay) * ex) / area
-                q = ((cx - ax) * by - (cy - ay) * bx) / area
-                if not (0.0 <= p < 1.0 and 0.0 <= q < 1.0):
+                p, above = segments_crossing(points, i, k, (cx, cy), (ex, ey))
+                if p < 0.0:
                     continue
                 if count == limit:
                     return code
-                above = points[i, 2] + p * (points[i + 1, 2] - points[i, 2]) > points[k, 2] + q * (
-                    points[k + 1, 2] - points[k, 2]
-                )
                 where = i + p
                 # Insert in the order met along the own yarn.
                 at = count

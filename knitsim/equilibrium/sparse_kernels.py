@@ -18,8 +18,9 @@ from knitsim.equilibrium.contact_kernels import (
     law_at,
     separation,
 )
+from knitsim.equilibrium.crossing_kernels import segments_crossing
 from knitsim.equilibrium.friction_kernels import across, rise_at, slip_matrix
-from knitsim.equilibrium.yarn_kernels import yarn_point
+from knitsim.equilibrium.yarn_kernels import derivatives_at, yarn_point
 from knitsim.jit import njit
 
 
@@ -248,17 +249,9 @@ def crossings_in_grid(trace, points, lattice):
                         up = int(m2) + yarn[k] - yarn[i]
                         if up == 0:
                             continue
-                        ax, ay = points[i, 0], points[i, 1]
-                        bx, by = points[i + 1, 0] - ax, points[i + 1, 1] - ay
-                        area = bx * ey - by * ex
-                        if area == 0.0:
+                        p, above = segments_crossing(points, i, k, (cx, cy), (ex, ey))
+                        if p < 0.0:
                             continue
-                        p = ((cx - ax) * ey - (cy - ay) * ex) / area
-                        q = ((cx - ax) * by - (cy - ay) * bx) / area
-                        if not (0.0 <= p < 1.0 and 0.0 <= q < 1.0):
-                            continue
-                        z = points[i, 2] + p * (points[i + 1, 2] - points[i, 2])
-                        above = z > points[k, 2] + q * (points[k + 1, 2] - points[k, 2])
                         if count == where.size:
                             code, where = lengthened(code, where)
                         code[count, 0] = 2 * up + (1 if above else 0)
@@ -284,21 +277,12 @@ def add_yarn_blocks(scene, x, graph, parts):
     form, tangent, terms = np.empty(6), np.empty((6, 6)), np.zeros(3)
     for point in scene.rod:
         f = point.first
-        v0 = v1 = v2 = a0 = a1 = a2 = 0.0
+        v, w = derivatives_at(point, x)
+        yarn_point(point, scene.stretch, v, w, np.int64(2), form, tangent, terms)
         turn, turn2 = 0.0, 0.0
         for k in range(4):
-            d, s = point.d1[k], point.d2[k]
-            v0 += d * x[f + k, 0]
-            v1 += d * x[f + k, 1]
-            v2 += d * x[f + k, 2]
-            a0 += s * x[f + k, 0]
-            a1 += s * x[f + k, 1]
-            a2 += s * x[f + k, 2]
-            turn += d * graph.turn[f + k]
-            turn2 += s * graph.turn[f + k]
-        yarn_point(
-            point, scene.stretch, (v0, v1, v2), (a0, a1, a2), np.int64(2), form, tangent, terms
-        )
+            turn += point.d1[k] * graph.turn[f + k]
+            turn2 += point.d2[k] * graph.turn[f + k]
         # Only spans that cross the edge of the cell change with a1.
         edge = graph.node[f + 3] - graph.node[f] != 3
         for k in range(4):

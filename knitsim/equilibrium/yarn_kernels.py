@@ -102,6 +102,22 @@ def yarn_point(point, stretch, v, w, order, form, tangent, terms):
 
 
 @njit
+def derivatives_at(point, x):
+    """First and second derivative of the centre line by the parameter at a Gauss point, two tuples."""
+    f = point.first
+    v0 = v1 = v2 = a0 = a1 = a2 = 0.0
+    for k in range(4):
+        d, s = point.d1[k], point.d2[k]
+        v0 += d * x[f + k, 0]
+        v1 += d * x[f + k, 1]
+        v2 += d * x[f + k, 2]
+        a0 += s * x[f + k, 0]
+        a1 += s * x[f + k, 1]
+        a2 += s * x[f + k, 2]
+    return (v0, v1, v2), (a0, a1, a2)
+
+
+@njit
 def add_yarn(scene, x, order, gradient, half, terms):
     """Add the yarn's energy to terms[0] (stretch) and terms[1] (bending).
 
@@ -112,16 +128,8 @@ def add_yarn(scene, x, order, gradient, half, terms):
     form, tangent = np.empty(6), np.empty((6, 6))
     for point in rod:
         f = point.first
-        v0 = v1 = v2 = a0 = a1 = a2 = 0.0
-        for k in range(4):
-            d, s = point.d1[k], point.d2[k]
-            v0 += d * x[f + k, 0]
-            v1 += d * x[f + k, 1]
-            v2 += d * x[f + k, 2]
-            a0 += s * x[f + k, 0]
-            a1 += s * x[f + k, 1]
-            a2 += s * x[f + k, 2]
-        yarn_point(point, scene.stretch, (v0, v1, v2), (a0, a1, a2), order, form, tangent, terms)
+        v, w = derivatives_at(point, x)
+        yarn_point(point, scene.stretch, v, w, order, form, tangent, terms)
         if order == 0:
             continue
         for k in range(4):
