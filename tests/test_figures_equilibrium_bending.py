@@ -1,5 +1,6 @@
 """Figures of bending in equilibrium, of the KES parameters and from yarn to fabric."""
 
+import json
 import re
 from pathlib import Path
 
@@ -8,12 +9,14 @@ import pytest
 from figure_tools import check_same_twice, draw, lines, named, panel
 
 from knitsim.configuration.study import load_study
-from knitsim.figures import equilibrium_bending, kes_chart, style, yarn_to_fabric
+from knitsim.evaluation import kes_bending
+from knitsim.figures import equilibrium_bending, kes_chart, style
 from knitsim.stages import equilibrium_bending as stage
 from knitsim.stages import equilibrium_rest, kes, kinematic_bending
 from knitsim.stages import yarn_to_fabric as sweep
 from knitsim.stages.laws import laws_of
 from knitsim.store.writer import write
+from knitsim.units import from_si
 
 FIGURES = named("equilibrium_bending", "kes_chart", "yarn_to_fabric")
 SMALL = Path(__file__).parents[1] / "config" / "small"
@@ -133,6 +136,10 @@ def test_without_the_kinematic_test_only_equilibrium_is_drawn(datasets):
     with style.context():
         fig = equilibrium_bending.fig19_bent_shapes(datasets["bent_course"], datasets["bent_wale"])
     assert len(fig.axes) == 10
+    bent = {name: datasets[name] for name in ("bent_course", "bent_wale")}
+    fig = draw("fig18_equilibrium_bending", bent)
+    assert not any("kinematic" in ax.get_title("left") for ax in fig.axes)
+    assert "kinematic model" not in [text.get_text() for text in fig.legends[0].get_texts()]
 
 
 # KES chart
@@ -159,8 +166,8 @@ def test_chart_shows_the_values_of_the_file(datasets, figures):
             assert low < value < high
             said = [text.get_text() for text in axes[name].texts]
             assert f"{direction} {value:.3g}" in said[0]
-    # The small study has no shear and no recovery in tension here.
-    assert axes["G"].texts[0].get_text().startswith("left out")
+    # Only bending is in the table here.
+    assert axes["G"].texts[0].get_text() == "not tested"
     assert not axes["LT"].lines
 
 
@@ -208,4 +215,21 @@ def test_set_changes_rigidity_curl_and_density(datasets, figures):
     assert y == pytest.approx((rows.swept_loop_length / rows.course_spacing).values)
     ((_, munden),) = lines(panel(fig, "(d)"), linestyle="--")
     assert munden == pytest.approx(1.3)
-    assert isinstance(yarn_to_fabric.straight_rigidity(rows, "wale").values[0], float)
+
+
+def test_marks_stand_where_kes_reads():
+    low, high = (from_si(edge, "per_cm") for edge in kes_bending.SLOPE_RANGE)
+    assert equilibrium_bending.SLOPE_RANGE == pytest.approx((low, high))
+    assert equilibrium_bending.HYSTERESIS_AT == pytest.approx(
+        from_si(kes_bending.HYSTERESIS_AT, "per_cm")
+    )
+
+
+def test_a_long_heading_stays_on_the_page(datasets):
+    config = json.loads(datasets["bent_course"].attrs["configuration"])
+    config["name"] = "a_fabric_with_a_long_name_loop_length_mm=3.45"
+    named = datasets["bent_course"].assign_attrs(configuration=json.dumps(config))
+    fig = draw("fig18_equilibrium_bending", datasets | {"bent_course": named})
+    box = fig._suptitle.get_window_extent()
+    assert 0.0 <= box.x0 and box.x1 <= fig.bbox.width
+    assert config["name"] in fig.get_suptitle().replace("\n", " ")

@@ -274,3 +274,22 @@ def test_a_yarn_of_one_fibre_draws(tmp_path):
         fig = draw(name, {"yarn": one})
         fig.canvas.draw()
         assert unlabelled(fig) == []
+
+
+def test_a_yarn_with_a_curve_and_no_law_draws(tmp_path):
+    """As the README puts in a yarn: its law is calibrated, none is stated."""
+    rows = [f"{e:.4f},{4e3 * e + 5e3 * max(e - 0.05, 0.0):.1f}" for e in np.linspace(0.0, 0.1, 41)]
+    curve = "\n".join(["strain,force_cN", *rows, ""])
+    (tmp_path / "yarn.csv").write_text(curve)
+    (tmp_path / "yarns.yaml").write_text(
+        "mine:\n  count_tex: 28\n  fibres: 19\n  scene: pull\n"
+        "  tension_curve: {file: yarn.csv, kind: two_slope}\n"
+    )
+    (tmp_path / "scenes.yaml").write_text("pull: {tensile_test: {steps: 5, max_strain: 0.03}}\n")
+    (tmp_path / "fabrics.yaml").write_text("{}\n")
+    mine = stage.run(load_study(tmp_path).yarns["mine"])[0]
+    for name in FIGURES:
+        fig = draw(name, {"yarn": mine})
+        assert "“mine”" in fig._suptitle.get_text()
+        assert unlabelled(fig) == []
+    assert "Calibrated" in said(fig)

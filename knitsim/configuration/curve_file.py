@@ -168,7 +168,7 @@ def read_curve(
                 raise InputError(
                     f"{where}:{header[0]}",
                     repr(names[index]),
-                    f"needs a line '# {_EXAMPLES[needed]}: ...' or the argument {needed}",
+                    f"needs a line '# {_EXAMPLES[needed]}: ...' or the key {_EXAMPLES[needed]}",
                 )
             column = combine(column, metadata[needed])
         column.setflags(write=False)

@@ -31,8 +31,10 @@ from knitsim.equilibrium.path_kernels import (
     REACHED,
     SMALLEST,
     SMALLEST_BALANCED,
+    TOO_CLOSE,
     WHOLE_BALANCED,
     bend_predictor,
+    resolved,
     work_of_increment,
 )
 from knitsim.equilibrium.sparse import (
@@ -175,6 +177,8 @@ def sparse_follow(model, scene, y, force, targets, march, trail):
                 scene, model.trace, trial, march.expected, work
             ):
                 status = CROSSINGS_LOST
+            if status == CONVERGED and not resolved(scene, inner):
+                status = TOO_CLOSE
             if status != CONVERGED:
                 part *= 0.5
                 before, work.linear = y.copy(), None

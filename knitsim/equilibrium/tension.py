@@ -68,7 +68,7 @@ def tensile(
     start, load, free = _laterally(relaxed, pulled, across, lateral)
     length = (relaxed.wale_spacing, 0.0, 0.0, relaxed.course_spacing)
     base = length[pulled]
-    walk = _Walk(relaxed, start, free, [pulled], load, increment, base)
+    walk = _Walk(relaxed, start, free, [pulled], load, increment, base, _strains_in(base))
     width = length[across]
     top = None if to_force is None else to_force * width * relaxed.model.loops
     for cycle in range(1, cycles + 1):
@@ -117,6 +117,7 @@ def biaxial(relaxed, strains, *, increment=FRICTION_INCREMENT):
         np.zeros(4),
         increment,
         base.min(),
+        _strains_in(base),
     )
     walk.forward(base * (1.0 + strains), LOADING, 1, None)
     return walk.curve("biaxial", WALE_SPACING, base[0], base[1])
@@ -145,13 +146,27 @@ def shear(relaxed, angles, *, lateral="free", tension=0.0, increment=FRICTION_IN
     start = relaxed.y
     if tension:
         start = _under_load(relaxed, start, free, load)
-    walk = _Walk(relaxed, start, free, [SHEAR], load, increment, base)
+
+    def told(target):
+        return f"an angle of {math.degrees(math.atan(target[0] / base)):.4g} degrees"
+
+    walk = _Walk(relaxed, start, free, [SHEAR], load, increment, base, told)
     walk.forward(base * np.tan(angles)[:, None], LOADING, 1, None)
     curve = walk.curve("shear", SHEAR, base, relaxed.wale_spacing)
     rising = np.diff(np.abs(angles[: curve.steps]), prepend=0.0) >= 0.0
     return curve.replaced(
         strain=np.arctan(curve.strain + 1.0), phase=np.where(rising, LOADING, RECOVERY)
     )
+
+
+def _strains_in(base):
+    """A function that tells spacings (m) as strains from those at rest, ``base``."""
+
+    def told(target):
+        strains = 100.0 * (np.asarray(target) / base - 1.0)
+        return "a strain of " + " and ".join(f"{strain:.4g} %" for strain in strains)
+
+    return told
 
 
 def _rising(name, values):
@@ -189,10 +204,13 @@ def _under_load(relaxed, y, free, load, parts=4):
 
 
 class _Walk:
-    """A test under way: the current state and the rows so far."""
+    """A test under way: the current state and the rows so far.
 
-    def __init__(self, relaxed, start, free, driven, load, increment, spacing):
-        self.relaxed, self.model = relaxed, relaxed.model
+    told: a function that tells the values of the driven entries to the user.
+    """
+
+    def __init__(self, relaxed, start, free, driven, load, increment, spacing, told):
+        self.relaxed, self.model, self.told = relaxed, relaxed.model, told
         model = relaxed.model
         self.scene = model.with_load(load)
         self.y = start.copy()
@@ -258,8 +276,7 @@ class _Walk:
             self.lost += states.lost[count - 1]
 
     def _stop(self, status, target):
-        shown = ", ".join(f"{t:.6g}" for t in target)
-        self.reason = f"{REASONS[status]}; stopped before lattice = {shown} m"
+        self.reason = f"{REASONS[status]}; stopped before {self.told(target)}"
 
     def forward(self, targets, phase, cycle, top):
         """Go through targets, or up to the force ``top`` (N per cell) on the driven entry."""
@@ -277,7 +294,7 @@ class _Walk:
             if trail.force[0, self.entry[0]] >= top:
                 return self._to_force(top, target, trail, phase, cycle)
             self._keep(trail, 1, phase, cycle)
-        self.reason = f"the last strain was reached before the force of {top:.6g} N per loop"
+        self.reason = "the last strain was reached before the force that was asked for"
         return True
 
     def back(self, targets, cycle):

@@ -24,12 +24,13 @@ from knitsim.figures.states import (
     with_centreline,
 )
 from knitsim.figures.style import COLOURS, LINES
+from knitsim.figures.yarn_to_fabric import straight_rigidity
 from knitsim.units import from_si, to_si
 
 DIRECTIONS = ("course", "wale")
 MN = "mN"
-SET_COLOURS = (style.GREEN, style.PURPLE, style.BLACK)
 SLOPE_RANGE, HYSTERESIS_AT = (0.5, 1.5), 1.0  # 1/cm; where KES reads B and 2HB
+SET_COLOURS = (style.GREEN, style.PURPLE, style.BLACK)
 
 
 def fig18_equilibrium_bending(bent_course, bent_wale, bending_course=None, bending_wale=None):
@@ -38,7 +39,8 @@ def fig18_equilibrium_bending(bent_course, bent_wale, bending_course=None, bendi
     kinematic = {"course": bending_course, "wale": bending_wale}
     ended = [f"{direction} curved, ended early: {test.attrs['stop_reason']}"
              for direction, test in tests.items() if test.attrs["stop_reason"]]  # fmt: skip
-    fig, axes = style.figure(height_mm=150.0, rows=2, columns=4)
+    both = any(test is not None for test in kinematic.values())
+    fig, axes = style.figure(height_mm=150.0, rows=2, columns=4 if both else 3)
     heading(
         fig,
         f"Fig. 18  Fabric {fabric_name(bent_course)} in pure bending, equilibrium model: bent along the"
@@ -46,13 +48,17 @@ def fig18_equilibrium_bending(bent_course, bent_wale, bending_course=None, bendi
     )
     if ended:
         fig.supxlabel("\n".join(fill(text, 120) for text in ended), fontsize=7)
-    for row, (direction, test), letters in zip(axes, tests.items(), ("abcd", "efgh"), strict=True):
+    for row, (direction, test), letters in zip(
+        axes, tests.items(), ("abcd", "efgh") if both else ("abc", "def"), strict=True
+    ):
         _moments(row[0], test)
         _changes(row[1], test, direction)
-        _beside_kinematic(row[2], test, kinematic[direction])
-        _spacings(row[3], test)
-        titles = ("moment", "change from flat", "beside kinematic", "spacings")
-        for ax, key, title in zip(row, letters, titles, strict=True):
+        titles = ["moment", "change from flat", "spacings"]
+        if both:
+            titles.insert(2, "beside kinematic")
+            _beside_kinematic(row[2], test, kinematic[direction])
+        _spacings(row[-1], test)
+        for ax, key, title in zip(row, letters, titles, strict=False):
             ax.set_xlabel("curvature (1/cm)")
             ax.locator_params(axis="x", nbins=5)
             ax.axvline(0.0, color=style.GREY, linewidth=0.5, zorder=0)
@@ -66,7 +72,7 @@ def fig18_equilibrium_bending(bent_course, bent_wale, bending_course=None, bendi
         "back to flat": Line2D([], [], color=style.GREY, linestyle=LINES["recovery"]),
         "estimated numerical error": Patch(color=style.GREY, alpha=0.35, linewidth=0),
         "straight yarns: B/c, 2 B/w": Line2D([], [], color="black", linestyle=":"),
-        "kinematic model": Line2D([], [], color=COLOURS["kinematic"]),
+    } | ({"kinematic model": Line2D([], [], color=COLOURS["kinematic"])} if both else {}) | {
         "KES 2HB: at 1 per cm": Line2D([], [], color=style.GREY, linestyle=":", linewidth=0.5),
         "wale spacing": Line2D([], [], color=COLOURS["wale"]),
         "course spacing": Line2D([], [], color=COLOURS["course"]),
@@ -134,11 +140,11 @@ def error_of(curve):
 
 
 def _variants(test):
-    """(curve, look) of the variants that reached any state."""
-    for name, look in looks_of(test).items():
+    """(curve, look) of the variants that reached any state; the first one lies on top of the others."""
+    for k, (name, look) in enumerate(looks_of(test).items()):
         curve = test.sel(variant=name)
         if np.isfinite(curve.moment_per_width.values).any():
-            yield curve, look
+            yield curve, look | {"zorder": 2.5 - 0.1 * k}
 
 
 def _draw(ax, curve, values, **look):
@@ -166,15 +172,6 @@ def _moments(ax, test):
     ax.axhline(0.0, color=style.GREY, linewidth=0.5, zorder=0)
 
 
-def straight_rigidity(test, direction):
-    """Rigidity per width (N m) of straight yarns as close as those of the relaxed fabric."""
-    yarn = json.loads(test.attrs["configuration"])["yarn"]["values"]["bending_rigidity"]
-    first = test.isel(variant=0, step=0)
-    return yarn / float(first.course_spacing) if direction == "course" else (
-        2.0 * yarn / float(first.wale_spacing)
-    )  # fmt: skip
-
-
 def _changes(ax, test, direction):
     """Moments from that of the fabric held flat before bending: the elastic change and the loop."""
     ends = [0.0]
@@ -186,7 +183,9 @@ def _changes(ax, test, direction):
         ends += [np.nanmin(change), np.nanmax(change)]
     curvature = test.curvature.values
     span = np.array([np.nanmin(curvature), np.nanmax(curvature)])
-    ax.plot(from_si(span, PER_CM), from_si(straight_rigidity(test, direction) * span, MN), "k:")
+    yarn = json.loads(test.attrs["configuration"])["yarn"]["values"]["bending_rigidity"]
+    straight = yarn * float(straight_rigidity(test.isel(variant=0, step=0), direction))
+    ax.plot(from_si(span, PER_CM), from_si(straight * span, MN), "k:")
     ax.set_ylim(1.15 * min(ends), 1.15 * max(ends))
     for side in (-1, 1):
         ax.axvspan(*(side * edge for edge in SLOPE_RANGE), color="#EEEEEE", linewidth=0, zorder=-1)

@@ -90,7 +90,7 @@ def fig20_kes_chart(kes, relaxed):
         f"Fig. 20  KES parameters of fabric {fabric_name(kes)} in the equilibrium model (at rest: w"
         f" {w:.3f} mm, c {c:.3f} mm)",
     )
-    places, handles = {}, {}
+    places, handles, tested = {}, {}, {str(test) for test in kes.test.values}
     for ax, (test, parameter, name, ends) in zip(axes, ROWS, strict=True):
         shown = _shown(found, test, parameter)
         unit = next((unit for _, _, _, unit in shown), "")
@@ -113,7 +113,8 @@ def fig20_kes_chart(kes, relaxed):
             if first:
                 said.append(f"{direction} {value:.3g}".strip())
                 places.setdefault((test, direction), []).append((ax, value))
-        ax.annotate("\n".join(said) if shown else "left out: see tables/kes.csv", (1.02, 0.5),
+        missing = "left out: see tables/kes.csv" if test in tested else "not tested"
+        ax.annotate("\n".join(said) if shown else missing, (1.02, 0.5),
                     xycoords="axes fraction", va="center", fontsize=7)  # fmt: skip
     for (_, direction), points in places.items():
         for (ax, x), (below, y) in pairwise(points):
@@ -148,7 +149,8 @@ def _scale(ax, values, ends):
     ax.spines["left"].set_visible(False)
     ax.spines["bottom"].set_position(("data", 0.0))
     if ends is not None:
-        ax.set_xlim(*ends)
+        # LT of a curve that bends over is above 1.
+        ax.set_xlim(ends[0], max([ends[1], *(1.05 * value for value in values)]))
         return
     positive = [value for value in values if value > 0.0]
     if not positive:

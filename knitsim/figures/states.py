@@ -2,6 +2,7 @@
 
 import json
 from pathlib import PurePosixPath
+from textwrap import fill
 
 import numpy as np
 
@@ -92,5 +93,8 @@ def letter(ax, text, x=0.0, y=1.02):
 
 
 def heading(fig, text):
-    """The line above a figure that says what it shows."""
-    fig.suptitle(text, fontsize=9)
+    """The line above a figure that says what it shows, broken where it would run over the page."""
+    title = fig.suptitle(text, fontsize=9)
+    share = 0.98 * fig.bbox.width / title.get_window_extent().width
+    if share < 1.0:
+        title.set_text(fill(text, int(share * len(text)), break_on_hyphens=False))

@@ -148,7 +148,8 @@ def _constants(yarn, tests):
     """Lines of text: the calibrated constants with their intervals; the misfits."""
     names = {"k1": "k_1", "k2": "k_2", "k_low": r"k_\mathrm{low}", "k_high": r"k_\mathrm{high}"}
     fibres = yarn.sizes["fibre"]
-    filaments = json.loads(yarn.attrs["configuration"])["values"]["tension_law"].get("per")
+    law = json.loads(yarn.attrs["configuration"])["values"]["tension_law"]
+    by_filament = law is not None and law.get("per") == "filament"
     lines = ["Calibrated constants (95 % interval):"]
     for k, name in enumerate(yarn["parameter"].values):
         value, unit = float(yarn["fitted_value"][k]), str(yarn["parameter_units"][k].values)
@@ -162,7 +163,7 @@ def _constants(yarn, tests):
         if np.isfinite(low):
             text += f" ± {_short(0.5 * (high - low))}"
         text += f" {unit}"
-        if name in ("k1", "k2") and filaments == "filament":
+        if name in ("k1", "k2") and by_filament:
             text += f" = {fibres} × {value / fibres:.3g} {unit}"
         lines.append(text)
     law = from_si(float(yarn["fit_rms"]), "percent")

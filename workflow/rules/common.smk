@@ -14,6 +14,7 @@ from knitsim.figures import catalogue
 from knitsim.files import cache_root
 from knitsim.provenance import kernel_hash, source_hash
 from knitsim.stages.compile import marker
+from knitsim.stages.needs import skips_of
 
 # One thread a job: -c says how many jobs run side by side.
 for library in ("OMP", "MKL", "OPENBLAS", "NUMBA"):
@@ -156,6 +157,10 @@ def one_of_each_scene():
     for name in fabrics_with("equilibrium_tension"):
         found.setdefault(STUDY.fabrics[name].scene.name, name)
     return list(found.values())
+
+
+def skips_of_fabric(fabric):
+    return skips_of(STUDY.fabrics[fabric].scene)
 
 
 def calibrated(fabric, on_request=False):

@@ -68,14 +68,14 @@ for group in catalogue.GROUPS:
                 if results(pattern.format(subject=subject)) in made
                 and (pattern.startswith("yarn/") == (of == "yarn"))
             }
-            drawn = catalogue.drawable(group, of, files)
-            if not drawn:
+            drawable = catalogue.drawable(group, of, files)
+            if not drawable:
                 continue
-            used = {name for figure in drawn for name in (*figure.needs, *figure.takes)}
+            used = {name for figure in drawable for name in (*figure.needs, *figure.takes)}
             suffix = f"_{subject}" if number else ""
             outputs = [
                 results(f"figures/{figure.name}{suffix}.{kind}")
-                for figure in drawn
+                for figure in drawable
                 for kind in ("png", "svg")
             ]
             FIGURES += outputs

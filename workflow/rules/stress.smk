@@ -8,7 +8,12 @@ rule skipping:
         log_of("skipping"),
     params:
         fabrics=one_of_each_scene(),
-        inputs=[inputs_of("fabrics", name, "equilibrium_tension") for name in one_of_each_scene()],
+        inputs=[
+            inputs_of("fabrics", name, stage)
+            for name in one_of_each_scene()
+            for stage in ("equilibrium_tension", "yarn", "loop")
+        ],
+        skips=[str(skip) for name in one_of_each_scene() for skip in skips_of_fabric(name)],
         source=source_hash("knitsim.stages.skipping"),
     # When the kernels are compiled.
     priority: EQUILIBRIUM_PRIORITY
