@@ -114,9 +114,24 @@ def test_measuring_a_task_and_its_tables():
     bought = stage.bought_rows([fixed], [])
     assert [row[3:5] for row in bought] == [
         ("default", "own"), ("10 %", "own"), ("1 %", "fine"), ("0.1 %", "fine"),
-        ("0.01 %", stage.NOT_REACHED), ("10 %", "own"), ("1 %", "fine"), ("0.1 %", "fine"),
-        ("0.01 %", stage.NOT_REACHED),
+        ("0.01 %", stage.NOT_REACHED), ("default", "own"), ("10 %", "own"), ("1 %", "fine"),
+        ("0.1 %", "fine"), ("0.01 %", stage.NOT_REACHED),
     ]  # fmt: skip
+    assert bought[5][5:7] == ("0.02", "2") and bought[0][7] == "on the front"
+
+
+@pytest.mark.parametrize(
+    ("fine", "words"),
+    [
+        (2.5, "on the front"),
+        (1.8, "on the front within the noise of run times: fine is as exact in 10 % less time"),
+        (1.0, "off the front: fine is as exact in 50 % less time"),
+    ],
+)
+def test_the_default_says_where_it_stands(fine, words):
+    outcome = measure(a_task())
+    seconds, errors = [1.0, 2.0, fine, math.nan], [0.2, 0.02, 5e-4, math.nan]
+    assert stage.standing(outcome, seconds, errors, 1) == words
 
 
 def test_together_takes_one_setting_for_all():
@@ -256,6 +271,14 @@ def test_an_error_that_is_small_by_chance_buys_nothing():
     )
     assert best[1].settings.startswith("80 elements") and best[1].error == 5e-4
     assert best[0].error in (5e-3, 2e-3, 5e-4)
+
+
+def test_a_target_that_none_reaches_names_what_came_closest():
+    tried = [(3.0, 0.2, "coarse"), (math.nan, 0.02, "fine"), (1.0, 0.1, "fast")]
+    assert benchmark_elastica._best("scene", "other", 0.1, tried).settings == "fast"
+    missed = benchmark_elastica._best("scene", "other", 0.01, tried)
+    assert math.isnan(missed.seconds) and missed.error == 0.02
+    assert missed.settings == "not reached; closest: fine"
 
 
 def test_without_pyelastica_the_table_says_so(monkeypatch):

@@ -130,7 +130,7 @@ def test_too_tight_cylinders_are_refused_by_their_key(tmp_path, tested):
     # Half of 1/0.279 mm: more is refused before anything is computed.
     with pytest.raises(InputError, match=r"variants\.tight\.max_curvature_per_cm = 20: must be at"):
         variants = {"free": {}, "tight": {"max_curvature_per_cm": 20.0}}
-        made(tmp_path, equilibrium_bending={"variants": variants})
+        made(tmp_path, equilibrium_rest={}, equilibrium_bending={"variants": variants})
     fabric, laws, _ = tested
     choice = {"spacings": "free", "max_curvature": 1700.0}
     relaxed = bending.relax(

@@ -3,6 +3,7 @@
 import itertools
 import math
 
+from knitsim.configuration.schema import STAGES, closure
 from knitsim.errors import InputError
 from knitsim.units import from_si
 
@@ -107,6 +108,27 @@ def _check_points(yarn, law):
                 raise InputError(
                     yarn.where(f"tension_law.{name}[{i}]"), value, f"must not fall below {before:g}"
                 )
+
+
+def check_scene(scene, stated):
+    """Raises InputError if the sections of ``scene`` (a SceneInput) contradict each other.
+
+    stated: what the file states, by section and key.
+    """
+    rest = stated.get("equilibrium_rest")
+    if rest is None:
+        for test in stated:
+            if test in STAGES and "equilibrium_rest" in closure(test):
+                raise InputError(
+                    scene.where("equilibrium_rest"), None,
+                    f"is missing; {test} starts from it ({{}} takes every default)",
+                )  # fmt: skip
+        return
+    if "accuracy" in rest and "points" in rest:
+        raise InputError(
+            *scene.stated("equilibrium_rest.accuracy"),
+            "chooses what points states; keep one of them",
+        )
 
 
 def check_fabric(fabric):

@@ -46,7 +46,8 @@ class Key:
     default: REQUIRED, None (may be left out), a value in the key's unit, or a rule: a function of
     the SI values resolved so far that returns the SI value.
     because: why the default is what it is; a default with a reason is an assumption and goes into
-    the ledger.  plausible: low and high in the key's unit, or as factors if the default is a rule.
+    the ledger.  Without a default: why a value goes there where it is given.
+    plausible: low and high in the key's unit, or as factors if the default is a rule.
     when: the values of the section's ``kind`` for which the key is known; empty for all.
     may_be_empty: whether a list may have no element.
     stages: the stages of knitsim.configuration.schema whose results the key changes.

@@ -1,6 +1,7 @@
 """From what a file states to SI values: sweeps, defaults, alternatives of unit."""
 
 import itertools
+from dataclasses import replace
 
 from knitsim import units
 from knitsim.configuration.check import Points, Stated, shown
@@ -120,6 +121,8 @@ class Resolver:
         return self._default(section, main, prefix, values)
 
     def _given(self, section, main, key, stated, prefix):
+        if main.default is None and main.because and not stated.because:
+            stated = replace(stated, because=main.because)
         if stated.because:
             stages = main.stages or (section.stage,)
             self._row(key, stated, prefix, stages)
@@ -135,7 +138,7 @@ class Resolver:
             value = list(default) if isinstance(default, tuple) else default
             si = _si(value, key.unit)
             low, high = key.plausible or (None, None)
-        if key.because:
+        if key.because and value is not None:
             stated = Stated(value, key.because, low, high, key.choices)
             self._row(key, stated, prefix, key.stages or (section.stage,))
         return si

@@ -393,6 +393,11 @@ EQUILIBRIUM_REST = Section(
     keys=(
         Key("points", "points", "integer", "Control points of the spline of one loop, a multiple "
             "of 4.", allowed="[24, 640]", default=48),
+        Key("accuracy", "accuracy", "number", "Instead of points: relative error of the forces in "
+            "tension (of 1 % of the largest where they are less) that is asked for. Points, contact "
+            "points and increments of all equilibrium tests are then chosen by their estimated error "
+            "up to the smallest max_strain of equilibrium_tension.", allowed="[1e-4, 0.5]",
+            because="asked for; each result says what was chosen in its attribute settings"),
         Key("cell", "cell", "choice", "quarter: a quarter of a loop carries the symmetric states. "
             "full: one whole loop, without symmetry.", choices=("quarter", "full"),
             default="quarter"),

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from knitsim import units
 from knitsim.configuration.check import check_name, check_points, check_section, shown
-from knitsim.configuration.cross_checks import check_fabric, check_yarn
+from knitsim.configuration.cross_checks import check_fabric, check_scene, check_yarn
 from knitsim.configuration.ledger import model_assumptions
 from knitsim.configuration.measured_checks import check_measured
 from knitsim.configuration.resolve import Resolver, expand, replaced
@@ -33,6 +33,8 @@ class Resolved:
     """
 
     section = None
+    # How finely the stages solve it, once they have settled that; kept by with_value.
+    settings = None
 
     def __init__(self, file, base, point, label, tree):
         self.file, self.base, self.point = file, base, point
@@ -125,6 +127,13 @@ class SceneInput(Resolved):
     """A test programme; ``scene["tensile_test"]`` is None if that test is not run."""
 
     section = SCENE
+
+    def __init__(self, file, base, point, label, tree):
+        super().__init__(file, base, point, label, tree)
+        self._check()
+
+    def _check(self):
+        check_scene(self, self._tree)
 
     @property
     def of(self):

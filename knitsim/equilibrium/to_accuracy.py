@@ -5,7 +5,7 @@
 >>> cotton = Fabric(1.4993e-3, 1.2005e-3, 5.56e-3, 0.2793e-3, 5e-9, paper_k3(continuous=True))
 >>> found = settings_for(cotton, 0.01)
 >>> found.resolution.points, found.resolution.contacts
-(64, 256)
+(64, 512)
 >>> found.estimate <= 0.01
 True
 """
@@ -24,6 +24,7 @@ from knitsim.errors import ComputationError, InputError
 # front of run time against error (benchmark) for a cotton jersey, from fast to exact.
 LADDER = (
     (40, 0.5), (48, 0.6), (64, 0.8), (64, 1.2), (64, 1.6), (96, 2.4), (128, 3.2), (192, 4.8),
+    (256, 6.4),
 )  # fmt: skip
 # Strains that the error is estimated at, over the largest: small ones, where little force stands
 # against the ripple of the contact points, and then evenly.
@@ -36,11 +37,18 @@ SHARE = 0.5  # of the error asked for that is left to the increments, with frict
 @dataclass(frozen=True)
 class Settings:
     """What gives the accuracy asked for: ``relax(fabric, resolution)``, ``tensile(...,
-    increment=increment)``; estimate: the estimated error of the force (1)."""
+    increment=increment)``; estimate: the estimated error of the force (1), None where not sought."""
 
     resolution: Resolution
     increment: float
-    estimate: float
+    estimate: float | None
+
+    def as_dict(self):
+        """As plain data; contacts None: by the rule of the contact law."""
+        return {
+            "points": self.resolution.points, "contacts": self.resolution.contacts,
+            "increment": self.increment, "estimated_error": self.estimate,
+        }  # fmt: skip
 
 
 def settings_for(fabric, error, largest=None):
@@ -96,18 +104,19 @@ def _resolution(fabric, strains, allowed):
 
 def _increment(relaxed, strains, allowed):
     """The largest increment with an estimated error of ``allowed`` at most, and that error."""
-    increment, estimate = FRICTION_INCREMENT, np.inf
+
+    def solved(increment):
+        return {d: tensile(relaxed, d, own, increment=increment) for d, own in strains.items()}
+
+    increment, coarse = FRICTION_INCREMENT, solved(2.0 * FRICTION_INCREMENT)
     while increment >= LEAST_INCREMENT:
-        estimate = 0.0
-        for direction, own in strains.items():
-            fine, coarse = (
-                tensile(relaxed, direction, own, increment=step)
-                for step in (increment, 2.0 * increment)
-            )
-            estimate = max(estimate, _largest(increment_error(fine, coarse), own))
+        fine = solved(increment)
+        estimate = max(
+            _largest(increment_error(fine[d], coarse[d]), own) for d, own in strains.items()
+        )
         if estimate <= allowed:
             return increment, estimate
-        increment /= 2.0
+        increment, coarse = increment / 2.0, fine
     raise InputError(
         "accuracy", f"{allowed:g}",
         f"of the increments with friction is not reached: the smallest come to {estimate:.2g}",

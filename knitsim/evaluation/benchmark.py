@@ -123,10 +123,10 @@ def front(seconds, errors):
     return on
 
 
-def beaten_by(seconds, errors, which):
-    """The fastest setting that is as exact as ``which`` and faster by more than noise, or None."""
+def beaten_by(seconds, errors, which, noise=NOISE):
+    """The fastest setting that is as exact as ``which`` and faster by more than ``noise``, or None."""
     seconds, errors = np.asarray(seconds, dtype=float), np.asarray(errors, dtype=float)
-    better = (errors <= errors[which]) & (seconds < (1.0 - NOISE) * seconds[which])
+    better = (errors <= errors[which]) & (seconds < (1.0 - noise) * seconds[which])
     if not better.any():
         return None
     return int(np.flatnonzero(better)[np.argmin(seconds[better])])

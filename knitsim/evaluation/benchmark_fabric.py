@@ -26,10 +26,13 @@ LARGEST = {"course": 1.5, "wale": 0.9}
 LARGEST_RUBBING = {"course": 0.6, "wale": 0.4}
 # 1/m: to the one side, through zero to the other.
 CURVATURES = 250.0 * np.concatenate([np.arange(11) / 10, np.arange(9, -11, -1) / 10])
+# Knobs that the fabric at rest does not depend on.
+_OF_THE_PATH = ("increment", "turn", "step", "arc", "rounding", "passes")
 # (module, constant) of the settings that are no argument of the public functions.
 _CONSTANTS = {
     "tolerance": (model, "TOLERANCE"),
     "step": (tension, "INCREMENT"),
+    "arc": (bending, "INCREMENT"),
     "rounding": (tension, "SLIP_ROUNDING"),
     "passes": (tension, "LAG_PASSES"),
 }
@@ -41,9 +44,9 @@ class Knobs:
 
     points, contacts: per loop, contacts None for the rule of the contact law; cell: ``quarter`` or
     ``full``; increment: of strain in one solved step with friction; turn: of curvature (1/m)
-    likewise; step: of strain without friction;
-    tolerance: of the residual, over B/d2; rounding: of friction, over the step's own length;
-    passes: of the lagged normal force.
+    likewise; step, arc: of strain and of curvature (1/m) without friction; tolerance: of the
+    residual, over B/d2; rounding: of friction, over the step's own length; passes: of the lagged
+    normal force.
     """
 
     points: int = Resolution().points
@@ -52,6 +55,7 @@ class Knobs:
     increment: float = tension.FRICTION_INCREMENT
     turn: float = bending.FRICTION_INCREMENT
     step: float = tension.INCREMENT
+    arc: float = bending.INCREMENT
     tolerance: float = model.TOLERANCE
     rounding: float = tension.SLIP_ROUNDING
     passes: int = tension.LAG_PASSES
@@ -66,7 +70,7 @@ class Knobs:
         words = [f"{self.points} points, {self.resolution.contacts_for(COTTON)} contacts"]
         if self.cell != "quarter":
             words.append(f"{self.cell} cell")
-        for knob in ("increment", "turn", "step", "tolerance", "rounding", "passes"):
+        for knob in ("tolerance", *_OF_THE_PATH):
             if getattr(self, knob) != getattr(DEFAULT, knob):
                 words.append(f"{knob} {getattr(self, knob):g}")
         return ", ".join(words)
@@ -140,7 +144,7 @@ class _Runs:
         self.known = {}
 
     def relaxed(self, knobs, friction=0.0):
-        key = replace(knobs, increment=0.0, turn=0.0, step=0.0, rounding=0.0, passes=0), friction
+        key = replace(knobs, **dict.fromkeys(_OF_THE_PATH, 0)), friction
         if key not in self.known:
             with _set(knobs):
                 self.known[key] = relax(replace(COTTON, friction=friction), knobs.resolution)
@@ -207,6 +211,7 @@ def frictionless_tasks(full):
             *(Knobs(p, c, "full") for p, c in ((32, 192), (48, 192), (48, None), (64, 256))),
         ]
         steps = [replace(DEFAULT, step=step) for step in (0.025, 0.05, 0.2)]
+        arcs = [replace(DEFAULT, arc=arc) for arc in (6.25, 12.5)]
     else:
         reference, check = Knobs(128, 1024), Knobs(96, 768)
         grid = [
@@ -214,7 +219,7 @@ def frictionless_tasks(full):
             *(Knobs(p, c) for p, c in ((32, 192), (40, 160), (48, 192), (64, 256), (64, 512))),
         ]
         more = [replace(DEFAULT, tolerance=1e-4)]
-        steps = []
+        steps = arcs = []
     tasks = [
         _task(
             runs, "relaxing", ("spacings",), spacing_errors, runs.relaxing, grid + more, reference,
@@ -233,7 +238,7 @@ def frictionless_tasks(full):
         tasks.append(
             _task(
                 runs, f"{direction} bending", ("moment", "change of moment"), moment_errors,
-                partial(_swapped, runs.bent, direction), grid + more, reference, check, 0.0,
+                partial(_swapped, runs.bent, direction), grid + more + arcs, reference, check, 0.0,
             )
         )  # fmt: skip
     return tasks
@@ -272,6 +277,7 @@ def friction_tasks(full):
         *(Knobs(p, c) for p, c in ((32, 192), (40, 160), (48, 192), (64, 256), (64, 512))),
         *(replace(DEFAULT, turn=bending.FRICTION_INCREMENT / n) for n in (2, 4, 8)),
         *(Knobs(64, 512, turn=bending.FRICTION_INCREMENT / n) for n in (2, 4)),
+        Knobs(48, 192, "full"),
     ]
     return tasks + [
         _task(

@@ -57,7 +57,8 @@ def run_time_against_error(rows):
         letter(ax, f"{text}  {title}")
         # Room for the legend above the data.
         low, high = np.log10(ax.get_ylim())
-        ax.set_ylim(10**low, 10 ** (high + 0.085 * len(handles) * (high - low)))
+        share = 0.07 * len(handles)
+        ax.set_ylim(10**low, 10 ** (high + share / (1.0 - share) * (high - low)))
         ax.legend(handles=handles, fontsize=6.0, loc="upper right")
     for ax in axes[:, 0]:
         ax.set_ylabel("relative error (1)")

@@ -145,7 +145,8 @@ def many_fabrics(snakefile, sizes=FABRICS, cores=CORES):
         rows += [
             (
                 TASK, size, "fabrics", core, f"{wall:.4g}", "", f"{slope:.3g}", "",
-                f"wall time; {cpu:.3g} s CPU", machine(),
+                f"wall time; {cpu:.3g} s CPU; {size + 1} jobs: one yarn, each fabric at rest, no figures",
+                machine(),
             )
             for size, wall, cpu in walls
         ]  # fmt: skip

@@ -24,4 +24,5 @@ def check_study(study):
             loop_of(fabric)
         if fabric.scene["equilibrium_rest"] is not None:
             solver_fabric(fabric, laws[fabric.yarn.name])
-            resolution_of(fabric)
+            if fabric.scene["equilibrium_rest.accuracy"] is None:
+                resolution_of(fabric)

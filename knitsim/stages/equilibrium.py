@@ -1,9 +1,15 @@
 """What the equilibrium stages share: a fabric's input as the solver wants it, states as a dataset."""
 
+from dataclasses import replace
+
 import numpy as np
 import xarray as xr
 
 from knitsim.equilibrium.fabric import BarrierContact, CoreContact, Fabric, Resolution
+from knitsim.equilibrium.tension import FRICTION_INCREMENT
+from knitsim.equilibrium.to_accuracy import Settings, settings_for
+from knitsim.errors import InputError
+from knitsim.stages.laws import calibration_of, laws_of
 from knitsim.stages.needs import cell_of
 from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES, VARIABLES
 from knitsim.store.tensile import stack_variants
@@ -39,10 +45,46 @@ def solver_fabric(fabric, law, *, friction=False, set_fraction=None, loop_length
     )  # fmt: skip
 
 
-def resolution_of(fabric):
-    """Resolution that the scene asks for."""
-    points = fabric.scene["equilibrium_rest"]["points"]
-    return Resolution(points=points, cell=cell_of(fabric.scene, "equilibrium_rest"))
+def settings_of(fabric):
+    """Settings (of knitsim.equilibrium.to_accuracy) that the scene of a FabricInput asks for.
+
+    Those for an accuracy are sought once, for a fabric and what with_value makes of it.  Raises
+    InputError where none reaches the accuracy.
+    """
+    if fabric.settings is None:
+        test = fabric.scene["equilibrium_rest"]
+        if test["accuracy"] is None:
+            found = Settings(Resolution(points=test["points"]), FRICTION_INCREMENT, None)
+        else:
+            found = _settings_for(fabric, test["accuracy"])
+        fabric.settings = found
+    return fabric.settings
+
+
+def _settings_for(fabric, accuracy):
+    law = laws_of(fabric.yarn, calibration_of(fabric.yarn))["continuous"]
+    tests = [
+        choice
+        for name in ("equilibrium_tension", "equilibrium_bending")
+        for choice in (fabric.scene[name] or {"variants": {}})["variants"].values()
+    ] + [fabric.scene["equilibrium_shear"] or {"friction": False}]
+    built = solver_fabric(fabric, law, friction=any(choice["friction"] for choice in tests))
+    strains = {
+        direction: [choice[key] for choice in tests if key in choice]
+        for direction in ("course", "wale")
+        for key in [f"max_strain_{direction}"]
+    }
+    largest = {direction: min(found) for direction, found in strains.items() if found}
+    try:
+        return settings_for(built, accuracy, largest or None)
+    except InputError as error:
+        where, value = fabric.scene.stated("equilibrium_rest.accuracy")
+        raise InputError(where, value, f"fabric {fabric.name}: {error.right}") from error
+
+
+def resolution_of(fabric, test="equilibrium_rest"):
+    """Resolution that an equilibrium test of the scene asks for."""
+    return replace(settings_of(fabric).resolution, cell=cell_of(fabric.scene, test))
 
 
 def from_rest(curve, relaxed):

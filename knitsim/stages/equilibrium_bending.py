@@ -7,13 +7,15 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from knitsim.configuration.schema import closure
-from knitsim.equilibrium.bending import bend
+from knitsim.equilibrium import tension
+from knitsim.equilibrium.bending import FRICTION_INCREMENT, bend
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
 from knitsim.evaluation.kes_bending import SLOPE_RANGE
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import (
     resolution_of,
+    settings_of,
     solver_fabric,
     states_dataset,
     status_of,
@@ -82,10 +84,19 @@ def _relaxed(fabric, law, choice):
     return relax(built, resolution_of(fabric))
 
 
+def _turn(fabric, choice):
+    """Largest change of curvature of one step with friction, finer as that of strain; None: bend's."""
+    finer = settings_of(fabric).increment / tension.FRICTION_INCREMENT
+    return finer * FRICTION_INCREMENT if finer != 1.0 and choice["friction"] else None
+
+
 def bent(fabric, relaxed, direction, curvatures, choice, variant, **options):
     """The BendingCurve; a curvature that the fabric is too thick for is refused by its key."""
     try:
-        curve = bend(relaxed, direction, curvatures, spacings=choice["spacings"], **options)
+        curve = bend(
+            relaxed, direction, curvatures, spacings=choice["spacings"],
+            increment=_turn(fabric, choice), **options,
+        )  # fmt: skip
     except InputError as error:
         if error.where != "curvature":
             raise

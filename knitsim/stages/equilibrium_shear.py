@@ -2,12 +2,10 @@
 
 import numpy as np
 
-from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.relax import relax
 from knitsim.equilibrium.tension import shear
 from knitsim.stages.described import describe_stage
-from knitsim.stages.equilibrium import curve_dataset, solver_fabric
-from knitsim.stages.needs import cell_of
+from knitsim.stages.equilibrium import curve_dataset, resolution_of, settings_of, solver_fabric
 from knitsim.store.timing import Timings
 
 STAGE = "equilibrium_shear"
@@ -26,11 +24,12 @@ def run(fabric, laws):
     test = fabric.scene[STAGE]
     law = laws["continuous"]
     built = solver_fabric(fabric, law, friction=test["friction"])
-    points = fabric.scene["equilibrium_rest"]["points"]
-    resolution = Resolution(points=points, cell=cell_of(fabric.scene, STAGE))
-    relaxed = relax(built, resolution)
+    relaxed = relax(built, resolution_of(fabric, STAGE))
     with timings.measure("shear"):
-        curve = shear(relaxed, angles_of(test), tension=test["tension"])
+        curve = shear(
+            relaxed, angles_of(test), tension=test["tension"],
+            increment=settings_of(fabric).increment,
+        )  # fmt: skip
     dataset = curve_dataset(curve, relaxed, law.breaking_strain, along="shear_angle")
     dataset = dataset.drop_vars("transverse_strain")
     dataset["diameter"] = fabric.yarn["diameter"]

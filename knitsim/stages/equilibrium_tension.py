@@ -12,6 +12,7 @@ from knitsim.stages.equilibrium import (
     curve_dataset,
     from_rest,
     resolution_of,
+    settings_of,
     solver_fabric,
     variants_dataset,
 )
@@ -31,7 +32,7 @@ def _strains(choice, direction):
     return top * np.arange(1, choice["states"] + 1) / choice["states"]
 
 
-def _conditions(choice):
+def _conditions(fabric, choice):
     """Arguments of knitsim.equilibrium.tension.tensile that one condition stands for."""
     lateral = choice["lateral_load"] if choice["lateral"] == "loaded" else choice["lateral"]
     return {
@@ -39,6 +40,7 @@ def _conditions(choice):
         "recovery": choice["recovery"],
         "cycles": choice["cycles"],
         "to_force": choice["to_force"],
+        "increment": settings_of(fabric).increment,
     }
 
 
@@ -49,7 +51,7 @@ def _solve(fabric, law, choice, direction):
     strains = _strains(choice, direction)
     # Under a lateral load the fabric at its relaxed spacing carries a force: it does not start at rest.
     loaded = choice["lateral"] == "loaded"
-    conditions = _conditions(choice)
+    conditions = _conditions(fabric, choice)
     back = conditions["recovery"] and not solves_recovery(choice) and not loaded
     if back:
         conditions |= {"recovery": False, "cycles": 1}
@@ -69,7 +71,8 @@ def headlines(fabric, direction):
     found = {}
     for what, (friction, strains) in tests.items():
         built = solver_fabric(fabric, law, friction=friction)
-        curve = tensile(relax(built, resolution_of(fabric)), direction, strains)
+        relaxed = relax(built, resolution_of(fabric))
+        curve = tensile(relaxed, direction, strains, increment=settings_of(fabric).increment)
         for k, strain in enumerate(strains):
             force = curve.force_per_width[k] if k < curve.steps else np.nan
             found[f"force per width at {100 * strain:g} % strain{what}"] = (force, "N m-1")
@@ -90,7 +93,11 @@ def run(fabric, laws, direction):
         timings.repeat(
             f"{direction}: {name}, {curve.steps - 1} states from rest",
             partial(
-                tensile, relaxed, direction, _strains(choice, direction), **_conditions(choice)
+                tensile,
+                relaxed,
+                direction,
+                _strains(choice, direction),
+                **_conditions(fabric, choice),
             ),
         )
     steps = max(curve.steps for _, curve in solved.values())

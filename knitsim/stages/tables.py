@@ -57,9 +57,13 @@ def _effects(files):
     found = {}
     for file in map(Path, files):
         with xr.open_dataset(file, engine="netcdf4") as dataset:
+            name = json.loads(dataset.attrs["configuration"])["name"]
+            chosen = json.loads(dataset.attrs.get("settings", "{}"))
+            if chosen.get("estimated_error") is not None:
+                key = name, "scene.equilibrium_rest.accuracy"
+                found[key] = [("chosen", 0.0, _settings(chosen))]
             if "quantity" not in dataset.coords:
                 continue
-            name = json.loads(dataset.attrs["configuration"])["name"]
             names = [_test_of(file) + str(q).replace("_", " ") for q in dataset["quantity"].values]
             effects, refusals = dataset["assumption_effect"].values, dataset["refused"].values
             for label, row, refused in zip(
@@ -74,6 +78,14 @@ def _effects(files):
                         text = f"{quantity} {100 * effect:+.3g} %"
                         rows.append((value, effect, text if abs(effect) >= 5e-5 else ""))
     return found
+
+
+def _settings(chosen):
+    """The attribute ``settings`` of a result in words."""
+    return (
+        f"{chosen['points']} points, {chosen['contacts']} contact points, increments of"
+        f" {chosen['increment']:g} with friction, estimated error {chosen['estimated_error']:.2g}"
+    )
 
 
 def _effect_columns(row, found):

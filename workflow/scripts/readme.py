@@ -37,12 +37,12 @@ def assumptions(path):
 
 def timings(path):
     rows = [
-        [row["stage"].replace("_", " "), row["name"], f"{1e3 * float(row['value']):.3g} ms",
+        [row["stage"].replace("_", " "), row["subject"], row["name"], f"{1e3 * float(row['value']):.3g} ms",
          f"{float(row['paper_value']) / 60:.0f} min" if row["paper_value"] else ""]
         for row in rows_of(path)
         if "200 steps" in row["name"] or "states from rest" in row["name"] or row["name"] == "relaxing"
     ]  # fmt: skip
-    return table(["stage", "test", "here", "the paper"], rows)
+    return table(["stage", "fabric", "test", "here", "the paper"], rows)
 
 
 def bought(path):

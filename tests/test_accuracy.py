@@ -1,0 +1,193 @@
+"""The key accuracy: what it is refused for, what it chooses, and that the results keep it."""
+
+import csv
+import json
+import re
+
+import numpy as np
+import pytest
+import yaml
+
+from knitsim.configuration.study import load_study
+from knitsim.equilibrium.bending import bend
+from knitsim.equilibrium.fabric import Resolution
+from knitsim.equilibrium.relax import relax
+from knitsim.equilibrium.tension import tensile
+from knitsim.errors import InputError
+from knitsim.stages import equilibrium_bending, equilibrium_rest, equilibrium_tension
+from knitsim.stages.equilibrium import settings_of, solver_fabric
+from knitsim.stages.laws import stated_law
+from knitsim.stages.tables import assumption_table
+from knitsim.store.writer import write
+
+SMOOTH = {"smooth": {}}
+RUBBING = {"rubs": {"friction": True}}
+
+
+def study_of(folder, variants=SMOOTH, **rest):
+    """A study with the cotton fabric of config/, its yarn by constants, nothing assumed of it."""
+    cotton = {
+        "count_tex": 56, "fibres": 19, "density_g_per_cm3": 1.52, "diameter_mm": 0.2793,
+        "bending_rigidity_N_mm2": 0.005, "compression_stiffness_N_per_m": 1000, "friction": 0.2,
+        "breaking_strain": 0.07, "twist_per_m": 400, "twist_direction": "Z",
+        "section_stiffness_MPa": 100, "fibre_modulus_GPa": 8,
+        "tension_law": {"kind": "secant", "low_N": 43.805, "high_N": 94.005, "offset_N": 0.48942,
+                        "switch_strain": 0.01},
+    }  # fmt: skip
+    fabric = {
+        "yarn": "cotton", "wales_per_cm": 6.67, "courses_per_cm": 8.33, "loop_length_mm": 5.56,
+    }  # fmt: skip
+    tension = {"states": 15, "max_strain_course": 0.6, "max_strain_wale": 0.4}
+    bending = {"states": 4}
+    scene = {
+        "equilibrium_rest": {"set_compared": [0.0], **rest},
+        "equilibrium_tension": tension | {"variants": variants},
+        "equilibrium_bending": bending | {"variants": variants},
+    }
+    for name, data in (
+        ("yarns", {"cotton": cotton}), ("fabrics", {"cotton": fabric}),
+        ("scenes", {"paper_yarn": {"tensile_test": {}}, "paper_fabric": scene}),
+    ):  # fmt: skip
+        (folder / f"{name}.yaml").write_text(yaml.safe_dump(data))
+    return load_study(folder)
+
+
+@pytest.mark.parametrize(
+    ("rest", "right"),
+    [
+        ({"accuracy": 0.01, "points": 48}, "keep one of them"),
+        ({"accuracy": 0}, "at least 0.0001 and at most 0.5"),
+        ({"accuracy": 1e-9}, "at least 0.0001"),
+        ({"accuracy": float("nan")}, "finite"),
+        ({"accuracy": "1 %"}, "must be a number"),
+        ({"accuracy": [0.1, 0.01]}, "must be one value"),
+    ],
+)
+def test_bad_accuracies_are_refused_by_name(tmp_path, rest, right):
+    with pytest.raises(InputError, match=re.escape(right)) as refusal:
+        study_of(tmp_path, **rest)
+    assert "scenes.yaml: paper_fabric.equilibrium_rest.accuracy" in refusal.value.where
+
+
+def test_a_test_without_the_rest_that_it_starts_from_is_refused(tmp_path):
+    study_of(tmp_path)
+    scenes = yaml.safe_load((tmp_path / "scenes.yaml").read_text())
+    del scenes["paper_fabric"]["equilibrium_rest"]
+    (tmp_path / "scenes.yaml").write_text(yaml.safe_dump(scenes))
+    with pytest.raises(InputError, match="equilibrium_rest: is missing; equilibrium_bending"):
+        load_study(tmp_path)
+
+
+def test_points_do_not_come_beside_an_accuracy_later(tmp_path):
+    fabric = study_of(tmp_path, accuracy=0.1).fabrics["cotton"]
+    with pytest.raises(InputError, match="keep one of them"):
+        fabric.with_value("scene.equilibrium_rest.points", 32)
+
+
+def test_an_accuracy_that_is_not_reached_names_its_key(tmp_path, monkeypatch):
+    monkeypatch.setattr("knitsim.equilibrium.to_accuracy.LADDER", ((40, 0.5),))
+    fabric = study_of(tmp_path, accuracy=0.001).fabrics["cotton"]
+    with pytest.raises(InputError, match="fabric cotton: is not reached") as refusal:
+        settings_of(fabric)
+    assert refusal.value.where.endswith("paper_fabric.equilibrium_rest.accuracy")
+    assert refusal.value.value == "0.001"
+
+
+def test_points_are_what_they_were_without_an_accuracy(tmp_path):
+    fabric = study_of(tmp_path, points=32).fabrics["cotton"]
+    assert settings_of(fabric).resolution == Resolution(32)
+    assert not [row for row in fabric.assumptions() if row.key.endswith("accuracy")]
+
+
+def test_an_accuracy_of_one_scene_changes_the_results_of_its_fabrics_only(tmp_path):
+    """The parameters of the rules, that Snakemake compares, are made of FabricInput.config."""
+    study_of(tmp_path)
+    fabrics = yaml.safe_load((tmp_path / "fabrics.yaml").read_text())
+    fabrics["other"] = fabrics["cotton"] | {"scene": "fine"}
+    (tmp_path / "fabrics.yaml").write_text(yaml.safe_dump(fabrics))
+    scenes = yaml.safe_load((tmp_path / "scenes.yaml").read_text())
+
+    def configs(**rest):
+        scenes["fine"] = {**scenes["paper_fabric"], "equilibrium_rest": rest}
+        (tmp_path / "scenes.yaml").write_text(yaml.safe_dump(scenes))
+        return {
+            (name, stage): fabric.config(stage)
+            for name, fabric in load_study(tmp_path).fabrics.items()
+            for stage in ("loop", "equilibrium_rest", "equilibrium_tension", "equilibrium_bending")
+        }
+
+    before, after = configs(accuracy=0.1), configs(accuracy=0.01)
+    changed = {key for key in before if before[key] != after[key]}
+    assert changed == {
+        ("other", stage)
+        for stage in ("equilibrium_rest", "equilibrium_tension", "equilibrium_bending")
+    }
+
+
+@pytest.fixture(scope="module")
+def exact(tmp_path_factory):
+    """Forces and moments of the same tests on a fine grid, without the code that chooses one."""
+    fabric = study_of(tmp_path_factory.mktemp("exact")).fabrics["cotton"]
+    relaxed = relax(solver_fabric(fabric, stated_law(fabric.yarn)), Resolution(256, 2560))
+    found = {"rest": relaxed}
+    for direction, top in (("course", 0.6), ("wale", 0.4)):
+        curve = tensile(relaxed, direction, top * np.arange(1, 16) / 15)
+        found[direction] = np.concatenate([[0.0], curve.force_per_width])
+        bent = equilibrium_bending.curvatures_of({"max_curvature": 250.0, "states": 4, "cycles": 1})
+        found[f"{direction} moment"] = bend(relaxed, direction, bent).moment_per_width
+    return found
+
+
+@pytest.mark.parametrize(
+    "asked", [pytest.param(0.1, id="10 %"), *(pytest.param(a, marks=pytest.mark.slow)
+                                              for a in (0.01, 0.001))]
+)  # fmt: skip
+def test_results_keep_the_accuracy_asked_for(tmp_path, asked, exact):
+    study = study_of(tmp_path, accuracy=asked)
+    fabric = study.fabrics["cotton"]
+    laws = {"continuous": stated_law(fabric.yarn)}
+    results = {"rest": equilibrium_rest.run(fabric, laws)[0]}
+    for direction in ("course", "wale"):
+        pulled, _ = equilibrium_tension.run(fabric, laws, direction)
+        force, right = pulled.force_per_width.values[0], exact[direction]
+        assert np.isfinite(force).all()
+        scale = np.maximum(np.abs(right), 0.01 * np.abs(right).max())
+        assert (np.abs(force - right) / scale).max() <= asked
+        bent, _ = equilibrium_bending.run(fabric, laws, direction)
+        moment, right = bent.moment_per_width.values[0], exact[f"{direction} moment"]
+        assert np.abs(moment - right).max() <= asked * np.abs(right).max()
+        results |= {f"{direction} tension": pulled, f"{direction} bending": bent}
+    for spacing in ("wale_spacing", "course_spacing"):
+        fine = getattr(exact["rest"], spacing)
+        assert abs(float(results["rest"][spacing]) / fine - 1.0) <= asked
+    chosen = {dataset.attrs["settings"] for dataset in results.values()}
+    assert len(chosen) == 1
+    settings = json.loads(chosen.pop())
+    assert 0.0 < settings["estimated_error"] <= asked
+    assert settings["points"] == settings_of(fabric).resolution.points
+
+    files = []
+    for name, dataset in results.items():
+        files.append(tmp_path / f"{name}.nc")
+        write(dataset, files[-1])
+    assumption_table(study, files, tmp_path / "assumptions.csv")
+    with (tmp_path / "assumptions.csv").open(newline="") as lines:
+        rows = [row for row in csv.DictReader(lines) if row["key"] == "equilibrium_rest.accuracy"]
+    assert [float(row["value"]) for row in rows] == [asked]
+    assert f"{settings['points']} points" in rows[0]["effect"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("asked", [0.1, 0.01])
+def test_results_with_friction_keep_the_accuracy_asked_for(tmp_path, asked):
+    fabric = study_of(tmp_path, RUBBING, accuracy=asked).fabrics["cotton"]
+    law = stated_law(fabric.yarn)
+    fine = relax(solver_fabric(fabric, law, friction=True), Resolution(96, 960))
+    for direction, top in (("course", 0.6), ("wale", 0.4)):
+        right = tensile(fine, direction, top * np.arange(1, 16) / 15, increment=0.02 / 32.0)
+        pulled, _ = equilibrium_tension.run(fabric, {"continuous": law}, direction)
+        force, right = pulled.force_per_width.values[0, 1:], right.force_per_width
+        scale = np.maximum(np.abs(right), 0.01 * np.abs(right).max())
+        assert (np.abs(force - right) / scale).max() <= asked
+    chosen = settings_of(fabric)
+    assert chosen.estimate <= asked and (chosen.increment < 0.02 or asked > 0.01)
