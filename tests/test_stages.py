@@ -1,6 +1,7 @@
 """The stages: laws to and from files, the effect of assumptions, the tables, bulky yarns."""
 
 import csv
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,13 +9,15 @@ import xarray as xr
 import yaml
 
 from knitsim.configuration.study import load_study
-from knitsim.errors import ComputationError
+from knitsim.errors import ComputationError, InputError
+from knitsim.stages.check import check_study
 from knitsim.stages.equilibrium import contact_of, solver_fabric
 from knitsim.stages.laws import FORMS, law_from, law_variables, laws_of, stated_law
 from knitsim.stages.ledger import alternatives, effect_dataset
 from knitsim.stages.tables import law_corrections, timing_table
 from knitsim.yarn.compression import crossed_force
 
+SMALL = Path(__file__).parents[1] / "config" / "small"
 YARN = {
     "count_tex": 56,
     "fibres": 40,
@@ -175,3 +178,27 @@ def test_equilibrium_test_starts_from_rest_and_is_stored_whole(study):
     assert abs(back.force_per_loop.values[last]) < 1e-3 * back.force_per_loop.max()
     assert (back.crossings_intact.values[: last + 1] == 1).all()
     assert (np.diff(back.dissipated.values[: last + 1]) >= 0).all()
+
+
+@pytest.mark.parametrize(
+    ("file", "key", "value", "says"),
+    [
+        ("fabrics.yaml", "loop_length_mm", 2.2, ("too short", "Peirce's loop there has 3.29")),
+        ("fabrics.yaml", "loop_length_mm", 9, ("too long",)),
+        ("yarns.yaml", "diameter_mm", 0.45, ("fabric small", "7.33, must be 12 or more")),
+    ],
+)
+def test_a_fabric_that_no_solver_can_start_is_refused_by_its_key(tmp_path, file, key, value, says):
+    for path in SMALL.iterdir():
+        values = yaml.safe_load(path.read_text())
+        if path.name == file:
+            values["small"][key] = value
+        if path.name == "scenes.yaml":  # the kinematic model has refusals of its own
+            for test in ("kinematic_tension", "kinematic_bending"):
+                del values["quick_fabric"][test]
+        (tmp_path / path.name).write_text(yaml.safe_dump(values))
+    with pytest.raises(InputError) as refused:
+        check_study(load_study(tmp_path))
+    message = str(refused.value)
+    assert f"{file}: small.{key} = {value}: " in message
+    assert all(words in message for words in says)

@@ -114,7 +114,7 @@ class Fabric:
         ):
             if value < least * hard:
                 raise InputError(
-                    name, value, f"no room for the yarn: must be {least * hard:.4g} m or more"
+                    name, value, f"no room for the yarn: {name} must be {1e3 * least * hard:.4g} mm or more"
                 )
         # Two legs that reach beyond a course spacing at each end, and the way across.
         shortest = math.hypot(self.wale_spacing, 2.0 * (self.course_spacing + hard))
@@ -122,14 +122,14 @@ class Fabric:
             raise InputError(
                 "loop length",
                 self.loop_length,
-                f"loop too short to reach the next course: must be {shortest:.4g} m or more",
+                f"loop too short to reach the next course: must be {1e3 * shortest:.4g} mm or more",
             )
         longest = 4.0 * (self.wale_spacing + 2.0 * self.course_spacing)
         if self.loop_length > longest:
             raise InputError(
                 "loop length",
                 self.loop_length,
-                f"loop too long to stay looped at these spacings: must be {longest:.4g} m or less",
+                f"loop too long to stay looped at these spacings: must be {1e3 * longest:.4g} mm or less",
             )
 
 

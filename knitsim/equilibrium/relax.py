@@ -29,6 +29,7 @@ from knitsim.equilibrium.path_kernels import CROSSINGS_LOST, TOO_CLOSE
 from knitsim.equilibrium.solve import gradient_at, is_plain, is_stable, minimise
 from knitsim.errors import ComputationError, InputError
 from knitsim.loop.lattice import crossings_intact
+from knitsim.loop.peirce import peirce_length
 
 REASONS = {
     TOO_MANY: "Newton's method did not reach the tolerance",
@@ -175,15 +176,9 @@ def held_state(fabric, resolution=None):
 
 def _held_start(model):
     """An interlooped equilibrium at the stated spacings, and the iterations that it took."""
-    fabric, reasons = model.fabric, []
+    reasons = []
     control = model.control._replace(limit=RELAX_ITERATIONS)
-    thin = min(fabric.diameter, fabric.loop_length / 16.0)
-    for overlap, thick in _STARTS:
-        try:
-            y = start_from(model, overlap * thin, thick * thin)
-        except ComputationError as error:
-            reasons.append(str(error))
-            continue
+    for y in _starting_shapes(model, reasons):
         if not is_plain(model, y):
             reasons.append("start not interlooped")
             continue
@@ -194,12 +189,36 @@ def _held_start(model):
             return y, used
         reasons.append(REASONS.get(done, REASONS[CROSSINGS_LOST]))
     if not any(r in REASONS.values() for r in reasons):
-        raise InputError(
-            "loop length",
-            fabric.loop_length,
-            f"no interlooped start at these spacings: {reasons[-1]}",
-        )
+        raise _no_start(model.fabric, reasons)
     raise ComputationError(f"no equilibrium at the stated spacings; the starts gave: {reasons}")
+
+
+def check_start(fabric, resolution=None):
+    """Raises InputError if no starting shape of the loop is interlooped; nothing is solved."""
+    model, reasons = build_model(fabric, resolution), []
+    if not any(is_intact(model, y) for y in _starting_shapes(model, reasons)):
+        raise _no_start(fabric, [*reasons, "start not interlooped"])
+
+
+def _starting_shapes(model, reasons):
+    """Unknowns of the loops that are tried in turn; why one does not exist is added to reasons."""
+    fabric = model.fabric
+    thin = min(fabric.diameter, fabric.loop_length / 16.0)
+    for overlap, thick in _STARTS:
+        try:
+            yield start_from(model, overlap * thin, thick * thin)
+        except ComputationError as error:
+            reasons.append(str(error))
+
+
+def _no_start(fabric, reasons):
+    usual = peirce_length(fabric.wale_spacing, fabric.course_spacing, fabric.diameter)
+    return InputError(
+        "loop length",
+        fabric.loop_length,
+        f"too short or too long to interloop at these spacings ({reasons[0]}); Peirce's loop there "
+        f"has {1e3 * usual:.4g} mm",
+    )
 
 
 def start_from(model, overlap, thick):

@@ -26,10 +26,16 @@ from knitsim.units import from_si
 
 TIGHT_WALE = 4.0  # closest wale spacing, in diameters: heads touch
 TIGHT_COURSE = 3.364  # closest course spacing, in diameters, on the cylinder
+IN_ARCS = 5.94  # diameters of length beside 2 c + w
 _ARC = 1.5  # radius of the arcs, in diameters
 _HEIGHT = 2 * math.sqrt(3)  # between the centres of head and sinker loop, unrolled, in diameters
 _LEAN = math.atan2(_HEIGHT, 2.0) + math.asin(2 * _ARC / 4.0)  # of the leg, from the course
 _LEG = math.sqrt(7)  # straight tangent between the two arcs, in diameters
+
+
+def peirce_length(wale_spacing, course_spacing, diameter):
+    """Loop length (m) of Peirce's own loop, 2 c + w + 5.94 d."""
+    return 2.0 * course_spacing + wale_spacing + IN_ARCS * diameter
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """The checks of a study that need the models: does every yarn, loop and fabric exist."""
 
 from knitsim.configuration.measured_curve import read_measured
-from knitsim.stages.equilibrium import resolution_of, solver_fabric
+from knitsim.equilibrium.relax import check_start
+from knitsim.stages.equilibrium import named_by_key, resolution_of, solver_fabric
 from knitsim.stages.laws import calibration_of, laws_of
 from knitsim.stages.loop import loop_of
 from knitsim.stages.yarn import layout_of
@@ -23,6 +24,8 @@ def check_study(study):
         if fabric.scene.needs_loop:
             loop_of(fabric)
         if fabric.scene["equilibrium_rest"] is not None:
-            solver_fabric(fabric, laws[fabric.yarn.name])
-            if fabric.scene["equilibrium_rest.accuracy"] is None:
-                resolution_of(fabric)
+            with named_by_key(fabric):
+                built = solver_fabric(fabric, laws[fabric.yarn.name])
+                # The settings for an accuracy are sought by the jobs: that takes computing.
+                stated = fabric.scene["equilibrium_rest.accuracy"] is None
+                check_start(built, resolution_of(fabric) if stated else None)

@@ -1,5 +1,6 @@
 """What the equilibrium stages share: a fabric's input as the solver wants it, states as a dataset."""
 
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -43,6 +44,19 @@ def solver_fabric(fabric, law, *, friction=False, set_fraction=None, loop_length
         friction=yarn["friction"] if friction else 0.0,
         set_fraction=fabric["set"] if set_fraction is None else set_fraction,
     )  # fmt: skip
+
+
+@contextmanager
+def named_by_key(fabric):
+    """Refusals of the solver about a quantity of a FabricInput name the key that states it."""
+    try:
+        yield
+    except InputError as error:
+        quantity = error.where.replace(" ", "_")
+        given = next((one for one in (fabric, fabric.yarn) if quantity in one.values), None)
+        if given is None:
+            raise
+        raise InputError(*given.stated(quantity), f"fabric {fabric.name}: {error.right}") from error
 
 
 def settings_of(fabric):

@@ -13,7 +13,7 @@ from knitsim.loop.frames import loop_frames
 from knitsim.loop.inclination import ORDERS, angle_error, backward_share, inclined_frames
 from knitsim.loop.lattice import crossings, crossings_intact
 from knitsim.loop.measures import fabric_measures
-from knitsim.loop.peirce import peirce
+from knitsim.loop.peirce import peirce, peirce_length
 from knitsim.stages.described import describe_stage
 from knitsim.stages.ledger import effect_dataset
 from knitsim.stages.yarn import layout_of, signed_twist
@@ -128,7 +128,7 @@ def run(fabric):
         "over": ("crossing", np.array([c.side == "over" for c in found], dtype=np.int8)),
         "twist": twist,
         "fibre_diameter": layout.fibre_diameter,
-        "peirce_loop_length": 2 * loop.course_spacing + loop.wale_spacing + 5.94 * loop.diameter,
+        "peirce_loop_length": peirce_length(loop.wale_spacing, loop.course_spacing, loop.diameter),
     }
     coords = {
         "axis": list(AXES),
