@@ -1,7 +1,9 @@
 """Fixtures that several test modules share: the paper's cotton loop and its yarn law."""
 
+import numpy as np
 import pytest
 
+from knitsim.evaluation.judge_energy import control_of
 from knitsim.loop.build import build_loop
 from knitsim.yarn.law import paper_k3
 
@@ -22,3 +24,15 @@ def cotton_loop():
 @pytest.fixture(scope="session")
 def cotton_law():
     return paper_k3(continuous=True)
+
+
+@pytest.fixture(scope="session")
+def rough():
+    """A loop of 12 control points that touches its neighbours, and its spacings."""
+    random = np.random.default_rng(3)
+    u = np.arange(12) / 12
+    knots = np.stack(
+        [1.5e-3 * u - 0.45e-3 * np.sin(4 * np.pi * u), -8e-4 * np.cos(2 * np.pi * u),
+         1.7e-4 * (1 - np.cos(4 * np.pi * u))], axis=1,
+    )  # fmt: skip
+    return control_of(knots + 2e-5 * random.standard_normal((12, 3)), 1.5e-3), 1.5e-3, 1.0e-3

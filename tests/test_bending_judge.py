@@ -21,18 +21,6 @@ GIVEN = Given(5.56e-3, 0.2793e-3, 5e-9, *LAW, 1000.0, 0.3, 12, 40)
 COTTON = Case(0, 1.4993e-3, 1.2005e-3, 5.56e-3, 0.2793e-3, 5e-9, *LAW, 1000.0, 0.0, 0.0, 0.0)
 
 
-@pytest.fixture(scope="module")
-def rough():
-    """A loop of 12 control points that touches its neighbours, and its spacings."""
-    random = np.random.default_rng(3)
-    u = np.arange(12) / 12
-    knots = np.stack(
-        [1.5e-3 * u - 0.45e-3 * np.sin(4 * np.pi * u), -8e-4 * np.cos(2 * np.pi * u),
-         1.7e-4 * (1 - np.cos(4 * np.pi * u))], axis=1,
-    )  # fmt: skip
-    return control_of(knots + 2e-5 * random.standard_normal((12, 3)), 1.5e-3), 1.5e-3, 1.0e-3
-
-
 def test_shares_nothing_with_the_solver():
     for module in (bending_judge, bending_judge_energy, stress, stress_bending):
         names = set()

@@ -122,18 +122,6 @@ def test_squeeze_at_break_is_a_crossing_in_balance():
 GIVEN = Given(5.56e-3, 0.2793e-3, 5e-9, *LAW, 1000.0, 0.3, 12, 40)
 
 
-@pytest.fixture(scope="module")
-def rough():
-    """A loop of 12 control points that touches its neighbours, and its spacings."""
-    random = np.random.default_rng(3)
-    u = np.arange(12) / 12
-    knots = np.stack(
-        [1.5e-3 * u - 0.45e-3 * np.sin(4 * np.pi * u), -8e-4 * np.cos(2 * np.pi * u),
-         1.7e-4 * (1 - np.cos(4 * np.pi * u))], axis=1,
-    )  # fmt: skip
-    return control_of(knots + 2e-5 * random.standard_normal((12, 3)), 1.5e-3), 1.5e-3, 1.0e-3
-
-
 def test_spline_goes_through_its_knots_and_repeats(rough):
     control, width, _ = rough
     u = np.linspace(0.0, 12.0, 49)
@@ -316,11 +304,11 @@ def test_judge_shares_nothing_with_the_solver():
 
 def solved(friction):
     case = cotton_case(friction=friction)
-    relaxed = stage._relaxed(case)
+    relaxed = stage.relaxed_of(case, None)
     rest = stage._rest(relaxed)
     strains = [0.0025, 0.005, *np.linspace(0.02, 0.2, 10)]
     curve = tensile(relaxed, "course", strains)
-    return stage._given(case, relaxed), rest, stage._states(rest, curve, np.full(12, np.nan))
+    return stage.given_of(case, relaxed), rest, stage._states(rest, curve, np.full(12, np.nan))
 
 
 @pytest.fixture(scope="module")
@@ -523,11 +511,11 @@ def test_stops_failures_and_wrong_results_are_told_apart(monkeypatch):
         curve = tensile(relaxed, direction, strains)
         return curve.replaced(force_per_loop=1.05 * curve.force_per_loop)
 
-    refused = outcome("relax", fails(ComputationError("nothing found")))
+    refused = outcome("relaxed_of", fails(ComputationError("nothing found")))
     assert (refused["outcome"], refused["rest_reason"]) == (
         "refused", "ComputationError: nothing found",
     )  # fmt: skip
-    assert outcome("relax", fails(ZeroDivisionError("division")))["outcome"] == "wrong"
+    assert outcome("relaxed_of", fails(ZeroDivisionError("division")))["outcome"] == "wrong"
     assert outcome("tensile", fails(InputError("strain", 1, "no")))["outcome"] == "refused"
     stopped = outcome("tensile", stops)
     assert (stopped["outcome"], stopped["course_reason"]) == ("stopped", "stopped here")

@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from knitsim.equilibrium import bending
 from knitsim.equilibrium import cell as cells
 from knitsim.equilibrium.bending import TIGHTEST, bend, phases_of
 from knitsim.equilibrium.bending_curl import curl_of
 from knitsim.equilibrium.bending_kernels import (
     RAN_AWAY,
+    STATE,
     Bending,
     flat_moment,
     follow_bending,
-    new_states,
 )
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.friction_kernels import no_slip
@@ -24,10 +25,12 @@ from knitsim.equilibrium.newton_kernels import (
     new_work,
     pairs_at,
 )
-from knitsim.equilibrium.path_kernels import REACHED
+from knitsim.equilibrium.path_kernels import REACHED, new_states
 from knitsim.equilibrium.relax import relax
 from knitsim.equilibrium.scene import COUPLE, CYLINDER, Bend, Scene, records
 from knitsim.errors import InputError
+from knitsim.evaluation import stress_bending
+from knitsim.stages.stress import relaxed_of
 from knitsim.yarn.law import paper_k3
 
 COTTON = dict(
@@ -90,7 +93,7 @@ def bend_straight(curvatures, couple=0.0, load=0.0, largest=10.0):
     free = np.array([*range(cell.count), cell.count], dtype=np.int64)
     none = np.empty(0, dtype=np.int64)
     bending = Bending(free, cell.count, largest, 1e-6, 0.0, couple, 1.0, 1e-3, 2, none)
-    states = new_states(len(curvatures))
+    states = new_states(STATE, len(curvatures))
     kept = np.empty((len(curvatures), len(y)))
     curvatures = np.asarray(curvatures, dtype=float)
     count, status = follow_bending(scene, trace, y, curvatures, bending, control, states, kept)
@@ -242,7 +245,7 @@ def test_free_spacings_do_not_know_the_reference_plane(cotton, direction):
         (moved, kappa / (1.0 - kappa * h)),
     ):
         bent = scene._replace(bend=Bend(0.0, direction, True))
-        states, kept = new_states(3), np.empty((3, len(cotton.y)))
+        states, kept = new_states(STATE, 3), np.empty((3, len(cotton.y)))
         y = cotton.y.copy()
         count, _ = follow_bending(
             bent, model.trace, y, curvatures, bending, model.control, states, kept
@@ -287,11 +290,49 @@ def test_friction_makes_a_loop(cotton, rubbing, direction):
     # Energy is stored or lost, and the loop encloses what is lost.
     stored = loop.energy.sum(1) - loop.energy.sum(1)[0]
     np.testing.assert_allclose(
-        loop.work - stored, loop.dissipated, rtol=0, atol=0.03 * loop.dissipated[-1]
+        loop.work - stored, loop.dissipated, rtol=0, atol=0.01 * loop.dissipated[-1]
     )
     assert loop.dissipated[-1] > 0.0
     np.testing.assert_array_equal(loop.phase, np.repeat([0, 1, 0, 1], [11, 10, 10, 10]))
     assert (loop.cycle == 1).all()
+
+
+@pytest.mark.parametrize("direction", ["course", "wale"])
+def test_work_is_stored_or_lost_in_yarns_that_lag(direction):
+    """To 1 % of what is lost, as states; the chord over the turn of a step of 25 1/m misses 2 to 5 %."""
+    loop = bend(relax(Fabric(**COTTON, bending_hysteresis=1e-7)), direction, CYCLE)
+    stored = loop.energy.sum(1) - loop.energy.sum(1)[0]
+    assert loop.dissipated[-1] > 0.0
+    np.testing.assert_allclose(
+        loop.work - stored, loop.dissipated, rtol=0, atol=0.01 * loop.dissipated[-1]
+    )
+
+
+def test_a_fabric_that_softens_rubs_by_its_own_normal_forces():
+    """Between two states 1 % of the path apart, work by the mean moment is stored or lost.
+
+    A fabric whose moment falls as it bends: normal forces of the state before, taken over, grow with
+    every pass, and two passes left 12 % of what is lost unaccounted for.
+    """
+    case = stress_bending.draw(222)
+    relaxed = relaxed_of(case, Resolution(48))
+    path = stress_bending.path()[:27]
+    curve = bend(relaxed, "wale", path)
+    assert curve.steps == 27
+    angle = curve.curvature * curve.course_spacing
+    work = np.mean(curve.moment_per_width[-2:]) * curve.width * np.diff(angle)[-1]
+    gain, lost = np.diff(curve.energy.sum(1))[-1], np.diff(curve.dissipated)[-1]
+    assert lost > -gain > 0.0
+    # Normal forces are settled to 2 % of what they rub away.  The chord over a bend of the moment
+    # misses at most 1/12 of its change times the way, where the bend is a parabola level at one end.
+    change = abs(np.diff(curve.moment_per_width)[-1]) * curve.width * abs(np.diff(angle)[-1])
+    assert abs(work - gain - lost) < 0.02 * lost + change / 12.0
+
+
+def test_a_cell_of_too_many_loops_is_refused(cotton, monkeypatch):
+    monkeypatch.setattr(bending, "MOST_UNKNOWNS", len(cotton.y) - 1)
+    with pytest.raises(InputError, match="cell"):
+        bend(cotton, "wale", [1.0])
 
 
 def test_phases_and_cycles():

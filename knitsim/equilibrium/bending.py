@@ -21,22 +21,22 @@ that about the mean plane, and the mean over all cuts.
 [-4.35, -4.23, -4.48]
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from knitsim.equilibrium.bending_accuracy import errors_of
 from knitsim.equilibrium.bending_kernels import (
     RAN_AWAY,
+    STATE,
     Bending,
     flat_moment,
     follow_bending,
-    new_states,
 )
-from knitsim.equilibrium.curve import LOADING, RECOVERY
+from knitsim.equilibrium.curve import LOADING, RECOVERY, States
 from knitsim.equilibrium.model import Model, centreline
-from knitsim.equilibrium.path_kernels import REACHED
-from knitsim.equilibrium.relax import REASONS, is_intact
+from knitsim.equilibrium.path_kernels import REACHED, new_states
+from knitsim.equilibrium.relax import REASONS
 from knitsim.equilibrium.scene import Bend
 from knitsim.errors import InputError
 from knitsim.loop.repeat import rolled
@@ -48,14 +48,16 @@ TIGHTEST = 0.5  # curvature times half the thickness, yarn included
 EXACT = 1e-12  # of the tightest curvature: how far a state may be from the asked one
 SLIP_ROUNDING = 0.01  # of the diameter squared times the change of curvature, see Bending
 TURN_ROUNDING = 0.01  # of the change of curvature
-LAG_PASSES = 2
+LAG_PASSES = 12  # at most
+MOST_UNKNOWNS = 6000  # of a cell: its whole Hessian and factor, kept here, take 0.9 GB
 _REASONS = {**REASONS, RAN_AWAY: "the free spacings run away (beyond half or twice those at rest)"}
 
 
 @dataclass(frozen=True, eq=False)
-class BendingCurve:
+class BendingCurve(States):
     """States of a bending test in the order visited; arrays (steps,) unless said.
 
+    Spacings are those in the mean plane, centre lines those of the loop before it is rolled up.
     Names, units and signs follow the result store.  curvature (1/m); phase: 0 loading (the curvature
     grows in size), 1 recovery; cycle: from 1, a new one where the curvature sets out to the side of
     the first again; moment_per_width (N); flat_moment (N, one number): moment per width of the flat
@@ -88,30 +90,6 @@ class BendingCurve:
     numerical_error: np.ndarray
     change_error: np.ndarray
 
-    @property
-    def steps(self):
-        return len(self.curvature)
-
-    @property
-    def wale_spacing(self):
-        """In the mean plane (m)."""
-        return self.y[:, self.model.lattice]
-
-    @property
-    def course_spacing(self):
-        """In the mean plane (m)."""
-        return self.y[:, self.model.lattice + 3]
-
-    @property
-    def crossings_intact(self):
-        """Crossings of each state as in plain knit (in the coordinates of the fabric)."""
-        return np.array([is_intact(self.model, y) for y in self.y], dtype=bool)
-
-    @property
-    def centreline(self):
-        """Points of one loop in every state before it is rolled up, (steps, points, 3), m."""
-        return np.array([centreline(self.model, y) for y in self.y])
-
     def centreline_bent(self, step, wales=0, courses=0):
         """Points in space (points, 3) of the loop this many wales and courses on, in one state.
 
@@ -125,30 +103,28 @@ class BendingCurve:
         points[:, bent] = 0.0
         return rolled(points, self.curvature[step], along, bent)
 
-    def replaced(self, **changes):
-        """This curve with other values of some fields."""
-        return BendingCurve(
-            **{f.name: changes.get(f.name, getattr(self, f.name)) for f in fields(self)}
-        )
-
 
 def bend(relaxed, direction, curvatures, *, spacings="free", increment=None, estimate_error=False):
     """Bend the relaxed fabric through ``curvatures`` (1/m), in that order; a :class:`BendingCurve`.
 
     direction: "course" or "wale", the one that becomes curved.  spacings: "free" or "held" (at the
-    relaxed ones).  Friction between yarns and within them is that of the fabric, from no friction
-    force at rest on.  increment: largest change of curvature in one solved step (1/m), 25 with
-    friction, 100 without.  estimate_error: fill numerical_error and change_error, by solving the test
-    again with twice the resolution, and with friction also with half the steps.
+    relaxed ones; then the moment is that about the mean plane, next to a pressure).  Friction between
+    yarns and within them is that of the fabric, from no friction force at rest on.  increment: largest
+    change of curvature in one solved step (1/m), 25 with friction, 100 without.  estimate_error: fill
+    numerical_error and change_error, by solving the test again with twice the resolution, and with
+    friction also with half the steps.
 
     A path that cannot be followed to its end gives the states reached and a stop_reason.  Raises
-    InputError for names that make no sense, and for curvatures tighter than the fabric is thick.
+    InputError for names that make no sense, for curvatures tighter than the fabric is thick, and for
+    cells of too many loops.
     """
     if direction not in DIRECTIONS:
         raise InputError("direction", direction, "must be course or wale")
     if spacings not in ("free", "held"):
         raise InputError("spacings", spacings, "must be free or held")
     model, fabric = relaxed.model, relaxed.model.fabric
+    if len(relaxed.y) > MOST_UNKNOWNS:
+        raise InputError("cell", model.loops, "loops: must be fewer, one loop bends as all do")
     curvatures = np.atleast_1d(np.asarray(curvatures, dtype=float))
     if curvatures.ndim != 1 or not curvatures.size:
         raise InputError("curvature", curvatures.tolist(), "must be a list of numbers (1/m)")
@@ -178,7 +154,10 @@ def bend(relaxed, direction, curvatures, *, spacings="free", increment=None, est
         model.expected,
     )
     scene = model.scene._replace(bend=Bend(0.0, bent, True))
-    states, kept = new_states(len(curvatures)), np.full((len(curvatures), len(relaxed.y)), np.nan)
+    states, kept = (
+        new_states(STATE, len(curvatures)),
+        np.full((len(curvatures), len(relaxed.y)), np.nan),
+    )
     reached, status = follow_bending(
         scene, model.trace, relaxed.y.copy(), curvatures, bending, model.control, states, kept
     )

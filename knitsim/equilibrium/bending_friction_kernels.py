@@ -180,7 +180,11 @@ def add_lag(scene, kappa, x, slip, order, out):
 
 @njit
 def curved_lag_at(scene, kappa, points, lattice, weight, friction, slip):
-    """As ``lag_at`` in a bent fabric: fill normal and limit of the slip from the contact forces."""
+    """As ``lag_at`` in a bent fabric: fill normal and limit of the slip from the contact forces.
+
+    Returns the change of the limits, weighed by the slips, over the limits so weighed.
+    """
+    changed = whole = 0.0
     for j in range(weight.size):
         rub = slip.pairs[j]
         d = vector_at(
@@ -191,7 +195,12 @@ def curved_lag_at(scene, kappa, points, lattice, weight, friction, slip):
         _, v1, _ = law_at(square, scene.law)
         for axis in range(3):
             rub.normal[axis] = d[axis] / distance
-        slip.pairs["limit"][j] = -2.0 * distance * v1 * weight[j] * friction
+        limit = -2.0 * distance * v1 * weight[j] * friction
+        _, size = across(d, rub.start, rub.normal)
+        changed += abs(limit - slip.pairs["limit"][j]) * size
+        whole += limit * size
+        slip.pairs["limit"][j] = limit
+    return changed / whole if whole > 0.0 else 0.0
 
 
 @njit

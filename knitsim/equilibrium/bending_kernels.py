@@ -32,19 +32,24 @@ from knitsim.equilibrium.newton_kernels import (
 )
 from knitsim.equilibrium.path_kernels import (
     CROSSINGS_LOST,
-    NOT_REACHED,
     REACHED,
+    SMALLEST_BALANCED,
     TOO_CLOSE,
     intact,
+    loosened,
     resolved,
+    state_type,
     work_of_increment,
 )
-from knitsim.equilibrium.scene import Bend, Scene, records
+from knitsim.equilibrium.scene import Bend, Scene
 from knitsim.jit import njit
 
 RAN_AWAY = 12
 SMALLEST = 1.0 / 64.0  # of an asked step
 LEAST_MOVE = 1e-3  # of the largest increment: a smaller one is rounded as if it were this
+SETTLED = 0.02  # of the friction work of a step: what the next pass may change of it
+# What may be neither stored nor lost in an increment, of what is lost in it and in all so far.
+BALANCED, WHOLE_BALANCED = 0.05, 3e-3
 CORRECTIONS = 6  # of the angle, at most
 WIDEST = 2.0  # times the spacings at the start (or their inverse): beyond, they run away
 
@@ -57,7 +62,7 @@ class Bending(NamedTuple):
     from the asked one (1/m); friction: coefficient between yarns; couple: of friction within the
     yarn (N m); rounding: slip at which friction is fully mobilised, over the change of curvature in
     that increment (m2); turn: change of the yarn's curvature likewise (1); passes: how often the normal
-    forces are lagged; expected: the crossing codes that every state must show.
+    forces are found anew at most; expected: the crossing codes that every state must show.
     """
 
     free: np.ndarray
@@ -73,22 +78,8 @@ class Bending(NamedTuple):
 
 
 # A state of a bending test.  angle (rad); moment: derivative of energy and friction potential by the
-# angle (N m per cell); the others as in path_kernels.
-STATE = np.dtype(
-    [
-        ("terms", "f8", 3),
-        *((n, "f8") for n in ("angle", "moment", "closest", "residual", "work", "lost")),
-        ("iterations", "i8"),
-        ("status", "i8"),
-    ],
-    align=True,
-)
-
-
-def new_states(count):
-    """States (STATE) none of which is reached yet."""
-    missing = {"iterations": 0, "status": NOT_REACHED}
-    return records(STATE, count, **{n: missing.get(n, np.nan) for n in STATE.names})
+# angle (N m per cell).
+STATE = state_type("angle", "moment")
 
 
 @njit
@@ -174,21 +165,25 @@ def bend_step(scene, y, start, kappa, bending, control, work):
             (bending.friction, bending.rounding * moved, bending.couple, bending.turn * moved),
         )
     total = 0
+    # Passes until the normal forces, and what they rub away, are those of the state itself.
+    settled = bending.friction == 0.0
     for once in range(passes + CORRECTIONS):
         here = at_angle(scene, angle)
-        status, used, residual = minimise(here, y, bending.free, slip, control, work)
+        aim = control if settled else loosened(control)
+        status, used, residual = minimise(here, y, bending.free, slip, aim, work)
         total += used
         if status != CONVERGED:
             return status, total, residual, angle, 0.0
-        if once >= passes - 1 and abs(angle / y[bending.at] - kappa) <= bending.exact:
+        if settled and abs(angle / y[bending.at] - kappa) <= bending.exact:
             break
         if once == passes + CORRECTIONS - 1:
             return TOO_MANY, total, residual, angle, 0.0
-        if once < passes - 1:
+        if not settled:
             lattice = expand(scene.map, y, work.x)
             place_points(scene.touch, work.x, work.points)
             now = angle / y[bending.at]
-            curved_lag_at(here, now, work.points, lattice, pairs[1], bending.friction, slip)
+            off = curved_lag_at(here, now, work.points, lattice, pairs[1], bending.friction, slip)
+            settled = off <= SETTLED or once >= passes - 2
         angle_tangent(here, y, bending.free, work, change)
         step = angle_step(kappa, angle, y, change, bending.at)
         angle += step
@@ -215,6 +210,7 @@ def follow_bending(scene, trace, y, curvatures, bending, control, states, kept):
     trial, change, first = np.empty(n), np.zeros(n), y.copy()
     before, moment, lost = 0.0, np.zeros(1), 0.0
     after, moved, past, done = np.zeros(1), np.zeros(1), np.zeros(2), 0.0
+    passed = np.zeros(2)
     rubs = bending.friction > 0.0 or bending.couple > 0.0
     stale = True
     energy_of(here, y, pairs_at(here, y, 0.0, work), no_slip(), np.int64(1), work)
@@ -225,7 +221,7 @@ def follow_bending(scene, trace, y, curvatures, bending, control, states, kept):
         kappa, left, iterations = here.bend.angle / y[bending.at], 1.0, 0
         far = abs(curvatures[state] - kappa)
         part = 1.0 / max(1.0, math.ceil(far / bending.largest - 1e-9))
-        smallest = part * SMALLEST
+        smallest, smallest_balanced = part * SMALLEST, part * SMALLEST_BALANCED
         while left > 1e-9:
             part = min(part, left)
             before = here.bend.angle / y[bending.at]
@@ -280,7 +276,16 @@ def follow_bending(scene, trace, y, curvatures, bending, control, states, kept):
             energy = work.terms[0] + work.terms[1] + work.terms[2]
             step_work = energy - stored
             if rubs:
-                step_work = work_of_increment(moment, after, moved, past)
+                gain = step_work + loss
+                copy_to(past, passed)
+                step_work = work_of_increment(moment, after, moved, passed)
+                # Where the moment bends sharply, as where yarns start to slip, it is followed closely.
+                most = BALANCED * loss + WHOLE_BALANCED * (lost + loss)
+                if part > smallest_balanced and abs(step_work - gain) > most:
+                    part *= 0.5
+                    stale = True
+                    continue
+                copy_to(passed, past)
             done += step_work
             stored = energy
             moment[0] = after[0]

@@ -1,7 +1,7 @@
 """What a test of a fabric gives: one row for every asked state, and why it ended."""
 
 import functools
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,8 +13,42 @@ from knitsim.equilibrium.yarn_kernels import stretch_at
 LOADING, RECOVERY = 0, 1
 
 
+class States:
+    """What the states y (steps, unknowns) of any test of a model say about the fabric."""
+
+    @property
+    def steps(self):
+        return len(self.y)
+
+    @property
+    def wale_spacing(self):
+        return self.y[:, self.model.lattice]
+
+    @property
+    def course_spacing(self):
+        return self.y[:, self.model.lattice + 3]
+
+    @functools.cached_property
+    def crossings_intact(self):
+        """Crossings of each state as in plain knit, read again on the whole loop, (steps,) bool.
+
+        A state that the solver's own check refuses is never in a curve; this is a second reading by
+        other code (:mod:`knitsim.loop.lattice`).
+        """
+        return np.array([is_intact(self.model, y) for y in self.y], dtype=bool)
+
+    @property
+    def centreline(self):
+        """Points of one loop in every state, (steps, points, 3), m."""
+        return np.array([centreline(self.model, y) for y in self.y])
+
+    def replaced(self, **changes):
+        """This curve with other values of some fields."""
+        return replace(self, **changes)
+
+
 @dataclass(frozen=True, eq=False)
-class Curve:
+class Curve(States):
     """States of a test, in the order visited; arrays of shape (steps,) unless said.
 
     Names, units and signs follow the result store: SI, strains from the relaxed state, energies per
@@ -53,18 +87,6 @@ class Curve:
     numerical_error: np.ndarray
 
     @property
-    def steps(self):
-        return len(self.strain)
-
-    @property
-    def wale_spacing(self):
-        return self.y[:, self.model.lattice]
-
-    @property
-    def course_spacing(self):
-        return self.y[:, self.model.lattice + 3]
-
-    @property
     def yarn_strain(self):
         """Mean strain of the yarn over the loop."""
         return self._yarn[0]
@@ -91,21 +113,3 @@ class Curve:
         if self.test == "course":
             return self.course_spacing / relaxed.course_spacing - 1.0
         return self.wale_spacing / relaxed.wale_spacing - 1.0
-
-    @functools.cached_property
-    def crossings_intact(self):
-        """Crossings of each state as in plain knit, read again on the whole loop, (steps,) bool.
-
-        A state that the solver's own check refuses is never in a curve; this is a second reading by
-        other code (:mod:`knitsim.loop.lattice`).
-        """
-        return np.array([is_intact(self.model, y) for y in self.y])
-
-    @property
-    def centreline(self):
-        """Points of one loop in every state, (steps, points, 3), m."""
-        return np.array([centreline(self.model, y) for y in self.y])
-
-    def replaced(self, **changes):
-        """This curve with other values of some fields."""
-        return Curve(**{f.name: changes.get(f.name, getattr(self, f.name)) for f in fields(self)})

@@ -58,17 +58,31 @@ class March(NamedTuple):
     expected: np.ndarray
 
 
-# A state of a path.  terms: stretch, bending, contact (J); closest: smallest distance (m); residual
-# (N); work, lost: cumulative from the start (J).
-STATE = np.dtype(
-    [
-        ("terms", "f8", 3),
-        *((name, "f8") for name in ("closest", "residual", "work", "lost")),
-        ("iterations", "i8"),
-        ("status", "i8"),
-    ],
-    align=True,
-)
+def state_type(*more):
+    """Record of a state of a path, with these numbers besides.
+
+    terms: stretch, bending, contact (J); closest: smallest distance (m); residual (N); work, lost:
+    cumulative from the start (J).
+    """
+    numbers = (*more, "closest", "residual", "work", "lost")
+    return np.dtype(
+        [
+            ("terms", "f8", 3),
+            *((name, "f8") for name in numbers),
+            ("iterations", "i8"),
+            ("status", "i8"),
+        ],
+        align=True,
+    )
+
+
+def new_states(kind, count):
+    """Records (kind: a state_type) of states none of which is reached yet."""
+    missing = {"iterations": 0, "status": NOT_REACHED}
+    return records(kind, count, **{n: missing.get(n, np.nan) for n in kind.names})
+
+
+STATE = state_type()
 
 
 class Trail(NamedTuple):
@@ -87,10 +101,8 @@ class Trail(NamedTuple):
 def new_trail(states, past):
     """A trail of states none of which is reached yet; past: that of the trail before, or zeros."""
     unknowns = past.size - 1
-    missing = {"iterations": 0, "status": NOT_REACHED}
-    rows = records(STATE, states, **{n: missing.get(n, np.nan) for n in STATE.names})
     y, force = np.full((2, states, unknowns), np.nan)
-    return Trail(y, force, rows, past.copy())
+    return Trail(y, force, new_states(STATE, states), past.copy())
 
 
 @njit
@@ -110,6 +122,14 @@ def resolved(scene, work):
     """
     points = scene.touch.points
     return points.size == 0 or work.closest[0] >= points[0].length ** 2
+
+
+@njit
+def loosened(control):
+    """For a pass that only serves to find the normal forces."""
+    return Control(
+        control.tolerance * LOOSE, control.cap, control.skin, control.limit, control.trust
+    )
 
 
 # Inlined into its one caller: on its own it would compile all the solver once more.
@@ -137,15 +157,8 @@ def solve_step(scene, y, march, control, start, work):
                 )
             else:
                 lag_at(scene, work.points, lattice, pairs[1], march.friction, slip)
-        # All passes but the last only serve to find the normal forces.
         last = not rubs or once == march.passes - 1
-        aim = Control(
-            control.tolerance * (1.0 if last else LOOSE),
-            control.cap,
-            control.skin,
-            control.limit,
-            control.trust,
-        )
+        aim = control if last else loosened(control)
         status, iterations, residual = minimise(scene, y, march.free, slip, aim, work)
         total += iterations
         if status != CONVERGED:

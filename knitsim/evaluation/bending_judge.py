@@ -13,33 +13,39 @@ import numpy as np
 
 from knitsim.evaluation.bending_judge_energy import BentEnergy
 from knitsim.evaluation.judge import (
+    COULOMB,
     FINE_CONTACTS,
     FINE_FORCE,
     FINE_GAUSS,
     FORCE,
     GAUSS,
-    PLAIN_KNIT,
+    LAGGED,
     RESIDUAL,
     ROUND_OFF,
     SAME,
-    VIEW,
     Finding,
-    crossings,
+    above,
+    no_splines,
+    not_finite,
+    not_interlooped,
 )
-from knitsim.evaluation.judge_energy import ROUNDED_STRAIN, control_of, design
+from knitsim.evaluation.judge_energy import ROUNDED_STRAIN, control_of
 
 UNBALANCED = "work is not stored or lost"  # the check that a snap fails too
 CLOSE = 0.03  # of the largest load coordinate: states at most this far apart are a pair
 # Of the work between a pair, of what is stored or of what is lost, that may go astray.
 PAIR = {"friction": 0.06, "none": 0.03}
 WHOLE = 1e-4  # of the largest work: may go astray between any pair
-# Work done less stored less lost, over the largest of the three so far: with friction, long steps and
-# coarse grids it is not better known than this.
-BALANCE = {"friction": 0.1, "none": 0.03}
-# As in :mod:`judge`, for friction to 1 and long steps.
-COULOMB, LAGGED = 1.5, 0.2
+# Work done less stored less lost, over the largest of the three so far, with friction; without it the
+# work is what is stored.  In tension the method claims 3 % of each increment, which may add up: 3.1 %
+# at most in trials, 1.7 % with 16 times as many increments.  In bending it claims nothing: 6 % at most,
+# but 2.7, 0.9 and 0.06 % with 2, 4 and 16 times as many increments.
+BALANCE = {"tension": 0.05, "bending": 0.1}
 BEND = 0.1  # of the change of the load between a pair that a chord may miss
-BELOW = 1e-4  # of the energy at rest: a state may lie so far below, where hardly anything holds it
+# The same where friction sets in or turns over, at an unknown place between the pair.  There yarns slip
+# to and fro, further than from one state straight to the other: in trials up to 1.36 times the energy
+# of the straight way is lost, and no less with increments of 1/64.
+SHARP_BEND, SHARP_COULOMB = 0.5, 2.0
 UNLOADED = 1e-3  # of the largest force: a test that went back to zero force ends below it
 FORCES = 5  # states whose equilibrium is measured
 VIEWED = 5  # states whose crossings are read
@@ -100,33 +106,18 @@ def judge_test(given, states, test):
     """
     return (
         _sound(given, states, test)
-        or _interlooped(states)
+        or not_interlooped(states, _spread(len(states.load), VIEWED))
         or _Judge(given, states, test).findings()
     )
 
 
 def _sound(given, states, test):
     """Finite, of the right shape, at the strains or curvatures that were asked."""
-    findings = []
-    for name, values in vars(states).items():
-        bad = ~np.isfinite(values).reshape(len(values), -1).all(1)
-        if name not in ("min_distance", "numerical_error"):
-            findings += [
-                Finding(f"{name} is not finite", int(i), np.nan, 0.0) for i in np.flatnonzero(bad)
-            ]
+    findings = not_finite(states)
     if findings:
         return findings
-    n = given.points
-    middle, turns = design(n, np.arange(n) + 0.5)
-    for i, line in enumerate(states.centreline):
-        width = states.wale_spacing[i]
-        spline = middle @ control_of(line[:-1:2], width)
-        spline[:, 0] += turns * width
-        off = max(
-            np.abs(spline - line[1::2]).max(), np.abs(line[-1] - line[0] - [width, 0.0, 0.0]).max()
-        )
-        if off > SAME * given.diameter:
-            findings.append(Finding("centre line is no periodic cubic spline", i, off, SAME))
+    findings = no_splines(given, states)
+    for i, (line, width) in enumerate(zip(states.centreline, states.wale_spacing, strict=True)):
         # The plane to which spacings and curvature belong is the mean of the centre line.
         off = abs(control_of(line[:-1:2], width)[:, 2].mean())
         if off > SAME * given.diameter:
@@ -135,13 +126,13 @@ def _sound(given, states, test):
     held = []
     if test.kind == "tension":
         off = np.abs(spacing / spacing[0] - 1.0 - states.coordinate)
-        findings += _above("strain is not that of the spacing", off, SAME)
+        findings += above("strain is not that of the spacing", off, SAME)
         if not test.free:
             held = [states.course_spacing if test.direction == "course" else states.wale_spacing]
     elif not test.free:
         held = [states.wale_spacing, states.course_spacing]
     for values in held:
-        findings += _above("a held spacing has changed", np.abs(values / values[0] - 1.0), SAME)
+        findings += above("a held spacing has changed", np.abs(values / values[0] - 1.0), SAME)
     if test.asked is not None:
         asked = np.asarray(test.asked)
         if len(asked) > len(states.coordinate):
@@ -149,23 +140,7 @@ def _sound(given, states, test):
             findings.append(Finding("asked states are missing", last, last + 1, len(asked)))
         else:
             off = np.abs(states.coordinate[: len(asked)] - asked)
-            findings += _above(
-                "asked state not reached", off / max(np.abs(asked).max(), 1e-3), SAME
-            )
-    return findings
-
-
-def _interlooped(states):
-    findings = []
-    count, points = len(states.load), (states.centreline.shape[1] - 1) // 2
-    matrix, turns = design(points, np.arange(VIEW * points + 1) / VIEW)
-    for i in _spread(count, VIEWED):
-        line, width = states.centreline[i], states.wale_spacing[i]
-        vertices = matrix @ control_of(line[:-1:2], width)
-        vertices[:, 0] += turns * width
-        read = tuple(crossings(vertices, width, states.course_spacing[i]))
-        if not any(read[k:] + read[:k] == PLAIN_KNIT for k in range(len(read))):
-            findings.append(Finding("crossings are not those of plain knit", int(i), len(read), 8))
+            findings += above("asked state not reached", off / max(np.abs(asked).max(), 1e-3), SAME)
     return findings
 
 
@@ -213,16 +188,19 @@ class _Judge:
     def _energies(self, stored):
         whole = stored.sum(1)
         off = np.abs(self.states.energy - stored).max(1) / whole
-        yield from _above("energy is not that of the shape", off, SAME)
+        yield from above("energy is not that of the shape", off, SAME)
         if not self.bends:
-            # At rest a fabric has the least energy near it; a bent one may have less, as it curls.
-            yield from _above("energy is below that at rest", 1.0 - whole / whole[0], BELOW)
+            # At rest a fabric has the least energy near it, but for what the residual there does on
+            # the way from it; a bent one may have less, as it curls.
+            moved = np.array([self._moved(i, 0) for i in range(len(whole))])
+            below = whole[0] - whole - self.noise * moved
+            yield from above("energy is below that at rest", below / whole[0], SAME)
 
     def _distances(self):
         own = np.array([shape.distance.min(initial=np.inf) for shape in self.shapes])
         near = np.isfinite(own)
         off = np.abs(self.states.min_distance * self.given.diameter / own - 1.0)
-        yield from _above(
+        yield from above(
             "smallest distance is not that of the shape", np.where(near, off, 0.0), SAME
         )
         # Closer than half their own spacing, contact points no longer see a crossing.
@@ -288,41 +266,54 @@ class _Judge:
     def _balance(self, stored):
         """Work reported, against what the shapes store and what is reported lost."""
         s = self.states
-        yield from _above(
+        yield from above(
             "friction gives energy", -np.diff(s.dissipated, prepend=0.0) / stored, SAME
         )
         if self.given.friction == 0.0:
-            yield from _above("energy lost without friction", np.abs(s.dissipated) / stored, SAME)
+            yield from above("energy lost without friction", np.abs(s.dissipated) / stored, SAME)
         work, gain, lost = (v - v[0] for v in (s.work, stored, s.dissipated))
         whole = max(np.abs(v).max() for v in (work, gain, lost))
         if not whole > 0.0 or not self.test.fine_steps:
             return
-        off = np.abs(work - gain - lost) / whole
-        yield from _above(UNBALANCED, off, BALANCE[self.rubs])
+        doubt = np.zeros(len(work))
+        for i in self._close():
+            doubt[i:] += SHARP_BEND * self._change(i) if self._sharply(i) else 0.0
+        off = np.maximum(np.abs(work - gain - lost) - doubt, 0.0) / whole
+        limit = BALANCE[self.test.kind] if self.given.friction > 0.0 else SAME
+        yield from above(UNBALANCED, off, limit)
 
-    def _turned(self, i):
-        """Whether the test sets out or turns back between the states i - 1 and i."""
+    def _close(self):
+        """Numbers i of the states that lie close to the state i - 1; so does a single one."""
+        step = np.abs(np.diff(self.along))
+        near = CLOSE * np.ptp(self.along) if len(step) > 1 else np.inf
+        return np.flatnonzero((step > 0.0) & (step <= near)) + 1
+
+    def _change(self, i):
+        """Change of the load between the states i - 1 and i, times the way (J)."""
+        return abs((self.load[i] - self.load[i - 1]) * (self.along[i] - self.along[i - 1]))
+
+    def _sharply(self, i):
+        """Whether the load may bend sharply between the states i - 1 and i.
+
+        Near the start, where the test turns and friction turns over, or after long steps.
+        """
         steps = np.diff(self.along[: i + 1])
-        return i == 1 or steps[-1] * steps[-2] < 0.0
+        start = min(abs(self.along[i - 1 : i + 1] - self.along[0])) <= SAME * np.ptp(self.along)
+        turned = i == 1 or steps[-1] * steps[-2] < 0.0
+        return start or turned or not self.test.fine_steps
 
     def _pairs(self, stored):
         """Between states close together: mean load against what is stored and lost."""
         s, along, load = self.states, self.along, self.load
-        near = CLOSE * np.ptp(along)
-        said = np.flatnonzero(np.isfinite(s.numerical_error))
-        close = [i for i in range(1, len(along)) if 0.0 < abs(along[i] - along[i - 1]) <= near]
+        close = self._close()
         for i in close:
             step = along[i] - along[i - 1]
             work = 0.5 * (load[i] + load[i - 1]) * step
             lost = s.dissipated[i] - s.dissipated[i - 1]
-            # Near the start the load may bend sharply; where the test turns, friction turns over.
-            start = min(abs(along[i - 1 : i + 1] - along[0])) <= SAME * near
-            sharply = start or self._turned(i) or not self.test.fine_steps
+            sharply = self._sharply(i)
             # What the residual does on the way, and round-off of energies that hardly differ.
-            noise = self.noise * self._moved(i) + SAME * SAME * stored[i]
-            doubt = (
-                BEND * abs((load[i] - load[i - 1]) * step) + WHOLE * np.abs(s.work).max() + noise
-            )
+            noise = self.noise * self._moved(i, i - 1) + SAME * SAME * stored[i]
+            doubt = BEND * self._change(i) + WHOLE * np.abs(s.work).max() + noise
             gain = stored[i] - stored[i - 1]
             # Near zero force little work is done, and what is stored goes into friction.
             off, limit = abs(work - gain - lost), doubt
@@ -330,33 +321,29 @@ class _Judge:
             if not (sharply or off <= limit):
                 yield Finding("load is not the slope of the energy", i, off, limit)
             if self.given.friction > 0.0:
-                limit = COULOMB * self.energy.rubbed(self.shapes[i - 1], self.shapes[i])
+                limit = SHARP_COULOMB if sharply else COULOMB
+                limit *= self.energy.rubbed(self.shapes[i - 1], self.shapes[i])
                 limit += noise
                 if not lost <= limit:
                     yield Finding("friction takes more than Coulomb's law", i, lost, limit)
-            if i == close[-1] and i in said and not sharply:
-                ends = [self._fine().shape(*self._placed(k)) for k in (i - 1, i)]
-                gain = np.diff([self._fine().terms(shape).sum() for shape in ends])[0]
-                scale = max(abs(load[i]), 0.01 * np.abs(load).max()) * abs(step)
+            if i == close[-1] and np.isfinite(s.numerical_error[i]) and not sharply:
+                fine = self._fine()
+                shapes = [fine.shape(*self._placed(k)) for k in (i - 1, i)]
+                gain = np.diff([fine.terms(shape).sum() for shape in shapes])[0]
+                # The mean load is off by the mean of what both are said to be off by.
+                ends = slice(i - 1, i + 1)
+                scale = np.maximum(np.abs(load[ends]), 0.01 * np.abs(load).max()) * abs(step)
                 off = abs(work - gain - lost)
-                limit = max(FINE_FORCE, s.numerical_error[i]) * scale + doubt
+                limit = np.mean(np.fmax(FINE_FORCE, s.numerical_error[ends]) * scale) + doubt
                 if not off <= limit:
                     check = "load is not the slope of the energy, finer integrals"
                     yield Finding(check, i, off, limit)
 
-    def _moved(self, i):
-        """Length (m) that points of the loop move between the states i - 1 and i, at most."""
-        before, after = self.shapes[i - 1], self.shapes[i]
-        return np.abs(after.control - before.control).max()
+    def _moved(self, i, since):
+        """Lengths (m) that all control points move between two states, added up."""
+        return np.abs(self.shapes[i].control - self.shapes[since].control).sum()
 
 
 def _spread(count, most):
     """At most ``most`` numbers below count, spread evenly, the first and the last among them."""
     return np.unique(np.linspace(0, count - 1, min(most, count)).astype(int))
-
-
-def _above(check, values, limit):
-    """The worst state, if it breaks the limit; what is no number does."""
-    if not (values <= limit).all():
-        worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
-        yield Finding(check, worst, float(values[worst]), float(limit))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from knitsim.evaluation.judge_energy import NEIGHBOURS, REACH, design, law_energy
+from knitsim.evaluation.judge_energy import NEIGHBOURS, REACH, Energy, law_energy, size_of
 
 _STEP = 1e-30  # of complex derivatives: exact to round-off, whatever the unit
 _TURN = 1e-7  # step of the angle over a diameter, for differences by the curvature
@@ -51,7 +51,7 @@ class BentShape:
     distance: np.ndarray
 
 
-class BentEnergy:
+class BentEnergy(Energy):
     """Energy of one loop by one quadrature.
 
     given: :class:`judge_energy.Given`; gauss: points of the yarn's own energy per span; contacts:
@@ -60,18 +60,8 @@ class BentEnergy:
     """
 
     def __init__(self, given, gauss, contacts, rounding, bent=0):
-        self.given, self.rounding = given, rounding
+        super().__init__(given, gauss, contacts, rounding)
         self.axes = np.array([bent, 1 - bent, 2])
-        n = given.points
-        place, weight = np.polynomial.legendre.leggauss(gauss)
-        u = (np.arange(n)[:, None] + 0.5 * (1.0 + place)).ravel()
-        self.span = given.loop_length / n
-        self.weight = np.tile(0.5 * weight, n) * self.span
-        self.yarn = [design(n, u, order) for order in (0, 1, 2)]
-        u = (np.arange(contacts) + 0.5) * n / contacts
-        self.arc = u * self.span
-        self.length = given.loop_length / contacts
-        self.place, self.place_turns = design(n, u)
 
     # ------------------------------------------------------------ shapes
 
@@ -83,7 +73,7 @@ class BentEnergy:
         points = points[:, self.axes]
         i, k, image = self._pairs(points, lattice, curvature)
         gap = self._gaps(points, i, k, image, lattice, curvature)
-        return BentShape(control, lattice, curvature, points, i, k, image, gap, _size(gap))
+        return BentShape(control, lattice, curvature, points, i, k, image, gap, size_of(gap))
 
     def _shifts(self, image, lattice):
         """Moves of the images (pairs, 2) in the fabric's coordinates, bent axis first."""
@@ -101,6 +91,10 @@ class BentEnergy:
         return in_space(half, a[:, 1], a[:, 2], curvature) - in_space(
             -half, b[:, 1], b[:, 2], curvature
         )
+
+    def gaps(self, shape, i, k, image):
+        """As in the flat fabric, between points in space."""
+        return self._gaps(shape.points, i, k, image, shape.lattice, shape.curvature)
 
     def _pairs(self, points, lattice, curvature):
         """(i, k, image) of all pairs of contact points closer than a diameter in space."""
@@ -142,15 +136,6 @@ class BentEnergy:
         return min(distance.min(initial=np.inf) for *_, distance in found)
 
     # ------------------------------------------------------------ energies
-
-    def barrier(self, distance):
-        """Energy of pairs (J) and the force between them (N), positive when they repel."""
-        x = distance / self.given.diameter
-        scale = self.given.contact_stiffness * self.length**2
-        return (
-            scale * (1.0 / x - x) ** 2,
-            2.0 * scale * (1.0 / x - x) * (1.0 / x**2 + 1.0) / self.given.diameter,
-        )
 
     def _local(self, shape):
         """Position and its derivatives by u at the Gauss points, (9, m): axis by axis, bent first."""
@@ -237,10 +222,6 @@ class BentEnergy:
             ends.append(by)
         return ends
 
-    def _gathered(self, number, values):
-        """Sums (contacts, 3) of values (pairs, 3) by contact point."""
-        return np.stack([np.bincount(number, column, len(self.arc)) for column in values.T], axis=1)
-
     def moment(self, shape):
         """Derivative of a loop's energy by the curvature (J m), by central differences.
 
@@ -252,7 +233,7 @@ class BentEnergy:
             stretch, bend = self._yarn_energies(self._local(shape), curvature)
             gap = self._gaps(shape.points, shape.i, shape.k, shape.image, shape.lattice, curvature)
             # Beyond a diameter nothing touches, and no pair comes closer by so small a step.
-            distance = np.minimum(_size(gap), self.given.diameter)
+            distance = np.minimum(size_of(gap), self.given.diameter)
             ends.append(self.weight @ (stretch + bend) + self.barrier(distance)[0].sum())
         return (ends[0] - ends[1]) / (2.0 * step)
 
@@ -285,34 +266,4 @@ class BentEnergy:
         slope = self._gaps(*pairs, shape.curvature + step)
         slope -= self._gaps(*pairs, shape.curvature - step)
         slope -= (slope * normal).sum(1)[:, None] * normal
-        return np.abs(self.place).T @ at, on_lattice, rub @ _size(slope) / (2.0 * step)
-
-    def rubbed(self, before, after):
-        """Most energy that friction can take (J) between two shapes that lie close together.
-
-        Each pair that touches slips by the change of its vector across its mean normal, seen from
-        its middle, against the coefficient times the mean of its two normal forces.
-        """
-        key = [
-            ((s.i * len(self.arc) + s.k) * (2 * REACH + 1) + s.image[:, 0] + REACH) * (REACH + 1)
-            + s.image[:, 1]
-            for s in (before, after)
-        ]
-        _, which = np.unique(np.concatenate(key), return_index=True)
-        i, k, image = (
-            np.concatenate([getattr(before, name), getattr(after, name)])[which]
-            for name in ("i", "k", "image")
-        )
-        gaps, forces = [], []
-        for s in (before, after):
-            gaps.append(self._gaps(s.points, i, k, image, s.lattice, s.curvature))
-            forces.append(self.barrier(np.minimum(_size(gaps[-1]), self.given.diameter))[1])
-        normal = gaps[0] + gaps[1]
-        normal /= _size(normal)[:, None]
-        slip = gaps[1] - gaps[0]
-        slip -= (slip * normal).sum(1)[:, None] * normal
-        return float(self.given.friction * 0.5 * ((forces[0] + forces[1]) @ _size(slip)))
-
-
-def _size(vectors):
-    return np.sqrt((vectors**2).sum(-1))
+        return np.abs(self.place).T @ at, on_lattice, rub @ size_of(slope) / (2.0 * step)

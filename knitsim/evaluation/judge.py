@@ -92,7 +92,9 @@ def judge(given, states, direction=None, asked=None):
 
     States that are not numbers, or whose shape is not what it should be, are not judged further.
     """
-    findings = _sound(given, states, direction, asked) or _interlooped(states)
+    findings = _sound(given, states, direction, asked) or not_interlooped(
+        states, range(len(states.strain))
+    )
     if findings:
         return findings
     return _Judge(given, states, direction).findings()
@@ -100,19 +102,36 @@ def judge(given, states, direction=None, asked=None):
 
 def _sound(given, states, direction, asked):
     """Finite, of the right shape, at the strains that it says."""
-    findings = []
-    for name, values in vars(states).items():
-        if name in ("min_distance", "numerical_error"):
-            continue
-        bad = ~np.isfinite(values).reshape(len(values), -1).all(1)
-        findings += [
-            Finding(f"{name} is not finite", int(i), np.nan, 0.0) for i in np.nonzero(bad)[0]
-        ]
+    findings = not_finite(states)
     if findings:
         return findings
-    n = given.points
+    findings = no_splines(given, states)
+    if direction:
+        spacing = states.wale_spacing if direction == "course" else states.course_spacing
+        off = np.abs(spacing / spacing[0] - 1.0 - states.strain)
+        findings += above("strain is not that of the spacing", off, SAME)
+    last = len(states.strain) - 1
+    if asked is not None and abs(states.strain[-1] - asked) > SAME:
+        findings.append(Finding("asked strain not reached", last, states.strain[-1], asked))
+    return findings
+
+
+def not_finite(states):
+    """Findings about numbers that are none; min_distance and numerical_error need not be numbers."""
+    findings = []
+    for name, values in vars(states).items():
+        bad = ~np.isfinite(values).reshape(len(values), -1).all(1)
+        if name not in ("min_distance", "numerical_error"):
+            findings += [
+                Finding(f"{name} is not finite", int(i), np.nan, 0.0) for i in np.flatnonzero(bad)
+            ]
+    return findings
+
+
+def no_splines(given, states):
+    """Findings about centre lines that are no periodic cubic splines."""
+    findings, n = [], given.points
     middle, turns = design(n, np.arange(n) + 0.5)
-    base = (states.wale_spacing if direction == "course" else states.course_spacing)[0]
     for i, line in enumerate(states.centreline):
         width = states.wale_spacing[i]
         spline = middle @ control_of(line[:-1:2], width)
@@ -122,13 +141,6 @@ def _sound(given, states, direction, asked):
         )
         if off > SAME * given.diameter:
             findings.append(Finding("centre line is no periodic cubic spline", i, off, SAME))
-        spacing = width if direction == "course" else states.course_spacing[i]
-        off = abs(spacing / base - 1.0 - states.strain[i])
-        if direction and off > SAME:
-            findings.append(Finding("strain is not that of the spacing", i, off, SAME))
-    last = len(states.strain) - 1
-    if asked is not None and abs(states.strain[-1] - asked) > SAME:
-        findings.append(Finding("asked strain not reached", last, states.strain[-1], asked))
     return findings
 
 
@@ -164,17 +176,18 @@ def _within(line, other):
     return np.flatnonzero(meets[:, :2].all(1))
 
 
-def _interlooped(states):
+def not_interlooped(states, which):
+    """Findings about the states ``which`` whose crossings are not those of plain knit."""
     findings = []
     points = (states.centreline.shape[1] - 1) // 2
     matrix, turns = design(points, np.arange(VIEW * points + 1) / VIEW)
-    for i, line in enumerate(states.centreline):
-        width = states.wale_spacing[i]
+    for i in which:
+        line, width = states.centreline[i], states.wale_spacing[i]
         vertices = matrix @ control_of(line[:-1:2], width)
         vertices[:, 0] += turns * width
         read = tuple(crossings(vertices, width, states.course_spacing[i]))
         if not any(read[k:] + read[:k] == PLAIN_KNIT for k in range(len(read))):
-            findings.append(Finding("crossings are not those of plain knit", i, len(read), 8))
+            findings.append(Finding("crossings are not those of plain knit", int(i), len(read), 8))
     return findings
 
 
@@ -217,15 +230,15 @@ class _Judge:
     def _energies(self, stored):
         whole = self.states.energy.sum(1)
         off = np.abs(self.states.energy - stored).max(1) / whole
-        yield from _above("energy is not that of the shape", off, SAME)
+        yield from above("energy is not that of the shape", off, SAME)
         # At rest a fabric has the least energy near it; without work there is no way below.
-        yield from _above("energy is below that at rest", 1.0 - whole / whole[0], SAME)
+        yield from above("energy is below that at rest", 1.0 - whole / whole[0], SAME)
 
     def _distances(self, fine):
         own = np.array([shape.distance.min(initial=np.inf) for shape in self.shapes])
         touching = np.isfinite(own)
         off = np.abs(self.states.min_distance * self.given.diameter / own - 1.0)
-        yield from _above(
+        yield from above(
             "smallest distance is not that of the shape", np.where(touching, off, 0.0), SAME
         )
         # Closer than half their own spacing, contact points no longer see a crossing.
@@ -289,13 +302,13 @@ class _Judge:
             return np.maximum(np.abs(values) - doubt, 0.0) / against
 
         lost = states.dissipated
-        yield from _above(
+        yield from above(
             "work is not stored or lost", off(work - stored + stored[0] - lost), BALANCE
         )
-        yield from _above("reported work is not that of the force", off(states.work - work), WORK)
-        yield from _above("friction takes more than Coulomb's law", (lost - most) / against, MORE)
-        yield from _above("friction takes less than it must", (most - lost) / against, LESS)
-        yield from _above("friction gives energy", -np.diff(lost, prepend=0.0) / against, SAME)
+        yield from above("reported work is not that of the force", off(states.work - work), WORK)
+        yield from above("friction takes more than Coulomb's law", (lost - most) / against, MORE)
+        yield from above("friction takes less than it must", (most - lost) / against, LESS)
+        yield from above("friction gives energy", -np.diff(lost, prepend=0.0) / against, SAME)
 
     def _slopes(self, fine):
         """Mean force between two states against what was stored and lost, measured more finely."""
@@ -308,13 +321,13 @@ class _Judge:
             gain = (self.fine.terms(fine[i + 1]) - self.fine.terms(fine[i - 1])).sum()
             gain += s.dissipated[i + 1] - s.dissipated[i - 1]
             scale = max(abs(s.force[i]), 0.01 * largest) * abs(x[2] - x[0])
-            yield from _above(
+            yield from above(
                 "force is not the slope of the energy, finer integrals",
                 np.array([abs(work - gain) / scale]), np.fmax(FINE_FORCE, s.numerical_error[i]), i,
             )  # fmt: skip
 
 
-def _above(check, values, limit, first=0):
+def above(check, values, limit, first=0):
     """The worst state (numbered from ``first``), if it breaks the limit; what is no number does."""
     if not (values <= limit).all():
         worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))

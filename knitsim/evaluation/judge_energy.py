@@ -105,8 +105,7 @@ class Energy:
         u = (np.arange(n)[:, None] + 0.5 * (1.0 + place)).ravel()
         self.span = given.loop_length / n
         self.weight = np.tile(0.5 * weight, n) * self.span
-        self.first, self.first_turns = design(n, u, 1)
-        self.second, self.second_turns = design(n, u, 2)
+        self.yarn = [design(n, u, order) for order in (0, 1, 2)]
         u = (np.arange(contacts) + 0.5) * n / contacts
         self.arc = u * self.span
         self.length = given.loop_length / contacts
@@ -140,7 +139,12 @@ class Energy:
                     (i, k, np.tile((wales, courses), (len(i), 1)), points[i] - points[k] - shift)
                 )
         i, k, image, gap = (np.concatenate(column) for column in zip(*found, strict=True))
-        return i, k, image, gap, _size(gap)
+        return i, k, image, gap, size_of(gap)
+
+    def gaps(self, shape, i, k, image):
+        """Vectors (pairs, 3) from the contact points k, moved by image, to i in a shape (m)."""
+        shift = np.concatenate([image * shape.lattice, np.zeros((len(image), 1))], axis=1)
+        return shape.points[i] - shape.points[k] - shift
 
     def barrier(self, distance):
         """Energy of pairs (J) and the force between them (N), positive when they repel."""
@@ -154,7 +158,7 @@ class Energy:
     def terms(self, shape):
         """Stretch, bending and contact energy of a loop (J)."""
         v, a = self._derivatives(shape)
-        stretch, _ = law_energy(_size(v) / self.span - 1.0, self.given, self.rounding)
+        stretch, _ = law_energy(size_of(v) / self.span - 1.0, self.given, self.rounding)
         turning = (np.cross(v, a) ** 2).sum(1) / (v**2).sum(1) ** 2
         bend = 0.5 * self.given.bending_rigidity * turning / self.span**2
         contact = self.barrier(shape.distance)[0].sum()
@@ -162,9 +166,9 @@ class Energy:
 
     def _derivatives(self, shape):
         """dr/du and d2r/du2 at the Gauss points."""
-        v, a = self.first @ shape.control, self.second @ shape.control
-        v[:, 0] += self.first_turns * shape.lattice[0]
-        a[:, 0] += self.second_turns * shape.lattice[0]
+        v, a = (matrix @ shape.control for matrix, _ in self.yarn[1:])
+        v[:, 0] += self.yarn[1][1] * shape.lattice[0]
+        a[:, 0] += self.yarn[2][1] * shape.lattice[0]
         return v, a
 
     def gradient(self, shape):
@@ -173,7 +177,7 @@ class Energy:
         The control points stay where they are when a spacing changes; their images move.
         """
         v, a = self._derivatives(shape)
-        size = _size(v)
+        size = size_of(v)
         _, tension = law_energy(size / self.span - 1.0, self.given, self.rounding)
         # Bending is B/2 |v x a|^2/|v|^4 per span^2.
         cross = np.cross(v, a)
@@ -187,8 +191,9 @@ class Energy:
         by_a *= factor[:, None]
         pull = -(self.barrier(shape.distance)[1] / shape.distance)[:, None] * shape.gap
         at = self._gathered(shape.i, pull) - self._gathered(shape.k, pull)
-        by_control = self.first.T @ by_v + self.second.T @ by_a + self.place.T @ at
-        by_width = self.first_turns @ by_v[:, 0] + self.second_turns @ by_a[:, 0]
+        (first, first_turns), (second, second_turns) = self.yarn[1:]
+        by_control = first.T @ by_v + second.T @ by_a + self.place.T @ at
+        by_width = first_turns @ by_v[:, 0] + second_turns @ by_a[:, 0]
         by_width += self.place_turns @ at[:, 0] - shape.image[:, 0] @ pull[:, 0]
         return by_control, np.array([by_width, -(shape.image[:, 1] @ pull[:, 1])])
 
@@ -212,7 +217,7 @@ class Energy:
         )
 
     def rubbed(self, before, after):
-        """Most energy that friction can take (J) between two shapes.
+        """Most energy that friction can take (J) between two shapes that lie close together.
 
         Each pair that touches slips by the change of its vector across its mean normal, against the
         coefficient times the mean of its two normal forces.  Pairs that stick take less.
@@ -229,14 +234,13 @@ class Energy:
         )
         gaps, forces = [], []
         for s in (before, after):
-            shift = np.concatenate([image * s.lattice, np.zeros((len(image), 1))], axis=1)
-            gaps.append(s.points[i] - s.points[k] - shift)
-            forces.append(self.barrier(np.minimum(_size(gaps[-1]), self.given.diameter))[1])
+            gaps.append(self.gaps(s, i, k, image))
+            forces.append(self.barrier(np.minimum(size_of(gaps[-1]), self.given.diameter))[1])
         normal = gaps[0] + gaps[1]
-        normal /= _size(normal)[:, None]
+        normal /= size_of(normal)[:, None]
         slip = gaps[1] - gaps[0]
         slip -= (slip * normal).sum(1)[:, None] * normal
-        return float(self.given.friction * 0.5 * ((forces[0] + forces[1]) @ _size(slip)))
+        return float(self.given.friction * 0.5 * ((forces[0] + forces[1]) @ size_of(slip)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,5 +280,6 @@ def near(points, others, reach):
     return i[real], k[real]
 
 
-def _size(vectors):
+def size_of(vectors):
+    """Lengths (...) of vectors (..., 3)."""
     return np.sqrt((vectors**2).sum(-1))

@@ -2,7 +2,7 @@
 
 Fixed before the campaign is run; knows nothing of the solver.
 
->>> path()[0], float(abs(path()).max())
+>>> float(path()[0]), float(abs(path()).max())
 (0.0, 250.0)
 """
 

@@ -14,6 +14,7 @@ from knitsim.equilibrium.fabric import Resolution
 from knitsim.evaluation import stress_bending
 from knitsim.evaluation.bending_judge import Test, judge_test
 from knitsim.evaluation.campaign import POINTS, Case
+from knitsim.stages.campaign import exactness, inputs_of
 from knitsim.stages.stress import (
     OUTCOMES,
     REFUSED,
@@ -28,7 +29,6 @@ from knitsim.stages.stress import (
 )
 
 LEAST_SOLVED = 0.97  # of the possible cases
-EXACT = 0.05  # estimated error of the moment up to which a test counts as exact in the summary
 
 _INPUTS = [f.name for f in dataclasses.fields(Case) if not f.name.endswith("e_strain")]
 _FOUND = (
@@ -55,12 +55,7 @@ def run(numbers, seed=stress_bending.SEED):
 
 
 def _row(case, clock):
-    reasons = stress_bending.impossible(case)
-    row = dict.fromkeys(COLUMNS, "")
-    for name in _INPUTS:
-        value = getattr(case, name)
-        row[name] = " ".join(f"{v:.9g}" for v in value) if isinstance(value, tuple) else value
-    row |= {"possible": "no" if reasons else "yes", "impossible_because": "; ".join(reasons)}
+    row = inputs_of(case, _INPUTS, COLUMNS, stress_bending.impossible(case))
     relaxed, row["outcome"], row["rest_reason"] = guarded(
         lambda: clock.time("relaxing", relaxed_of, case, Resolution(POINTS))
     )
@@ -128,13 +123,6 @@ def summary(rows):
         ),
     ]  # fmt: skip
     for direction in ("course", "wale"):
-        done = [row for row in possible if row[f"{direction}_outcome"] == VERIFIED]
-        exact = sum(float(row[f"{direction}_numerical_error"]) <= EXACT for row in done)
-        table += [
-            (f"possible cases solved, {direction} direction", len(done), ""),
-            (
-                f"of these, with an estimated error of the moment of {100 * EXACT:g} % at most",
-                exact, "",
-            ),
-        ]  # fmt: skip
+        title = f"possible cases solved, {direction} direction"
+        table += exactness(possible, direction, VERIFIED, title, "moment")
     return table

@@ -8,25 +8,20 @@ judged too, and the judge takes the force to be as exact as the solver's own err
 
 import dataclasses
 import math
-import time
-from functools import partial
 
 import numpy as np
 
-from knitsim.equilibrium.fabric import BarrierContact, Fabric, Resolution
-from knitsim.equilibrium.relax import relax
+from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.tension import tensile
-from knitsim.errors import ComputationError, InputError
 from knitsim.evaluation.campaign import POINTS, SEED, Case, draw, impossible
 from knitsim.evaluation.judge import States, judge
-from knitsim.evaluation.judge_energy import Given
-from knitsim.yarn.law import TensionLaw
+from knitsim.stages.stress import REFUSED, STOPPED, WRONG, Clock, given_of, guarded, relaxed_of
 
 # Strains of stored states: close together where friction sets in, then this far apart at most.
 FIRST, STORED = (0.0025, 0.005), 0.01
-REACHED, STOPPED, REFUSED, WRONG = "reached", "stopped", "refused", "wrong"
+REACHED = "reached"
 LEAST_REACHED = 0.97  # of the possible cases
-EXACT = 0.05  # estimated error of the force up to which a test counts as exact in the summary
+EXACT = 0.05  # estimated error of the load up to which a test counts as exact in the summary
 
 _INPUTS = [f.name for f in dataclasses.fields(Case)]
 _RESULTS = ("outcome", "reached_strain", "yarn_strain", "min_distance", "numerical_error", "reason")
@@ -43,40 +38,30 @@ def run(numbers, seed=SEED):
     rows, times = [], []
     for number in numbers:
         case = draw(number, seed)
-        clock = _Clock()
+        clock = Clock(TIMES[1:])
         rows.append(_row(case, clock))
-        times.append({"number": number, **{k: f"{clock.spent[k]:.4g}" for k in TIMES[1:]}})
+        times.append({"number": number, **clock.row()})
     return rows, times
 
 
-class _Clock:
-    """CPU time by what it was spent on."""
-
-    def __init__(self):
-        self.spent = dict.fromkeys(TIMES[1:], 0.0)
-
-    def time(self, name, call, *args):
-        start = time.process_time()
-        try:
-            return call(*args)
-        finally:
-            self.spent[name] += time.process_time() - start
+def inputs_of(case, names, columns, reasons):
+    """Row of a case: its inputs of these names, and why it is impossible; the other columns empty."""
+    row = dict.fromkeys(columns, "")
+    for name in names:
+        value = getattr(case, name)
+        row[name] = " ".join(f"{v:.9g}" for v in value) if isinstance(value, tuple) else value
+    return row | {"possible": "no" if reasons else "yes", "impossible_because": "; ".join(reasons)}
 
 
 def _row(case, clock):
-    reasons = impossible(case)
-    row = dict.fromkeys(COLUMNS, "")
-    for name in _INPUTS:
-        value = getattr(case, name)
-        row[name] = " ".join(f"{v:.9g}" for v in value) if isinstance(value, tuple) else value
-    row |= {"possible": "no" if reasons else "yes", "impossible_because": "; ".join(reasons)}
-    relaxed, row["rest_outcome"], row["rest_reason"] = _guarded(
-        lambda: clock.time("relaxing", _relaxed, case)
+    row = inputs_of(case, _INPUTS, COLUMNS, impossible(case))
+    relaxed, row["rest_outcome"], row["rest_reason"] = guarded(
+        lambda: clock.time("relaxing", relaxed_of, case, Resolution(POINTS))
     )
     if relaxed is None:
         row["outcome"] = row["rest_outcome"]
         return row
-    given = _given(case, relaxed)
+    given = given_of(case, relaxed)
     rest = _rest(relaxed)
     row["rest_outcome"], row["rest_reason"] = _verdict(
         REACHED, "", clock.time("judging", judge, given, rest)
@@ -90,35 +75,8 @@ def _row(case, clock):
     return row
 
 
-def _relaxed(case):
-    law = TensionLaw(case.law_strain, case.law_tension, case.breaking_strain)
-    fabric = Fabric(
-        case.wale_spacing, case.course_spacing, case.loop_length, case.diameter,
-        case.bending_rigidity, law, BarrierContact(case.contact_stiffness), case.friction,
-    )  # fmt: skip
-    return relax(fabric, Resolution(POINTS))
-
-
-def _guarded(call):
-    """(result or None, outcome, reason) of a call to the solver."""
-    try:
-        return call(), REACHED, ""
-    except (InputError, ComputationError) as error:
-        return None, REFUSED, f"{type(error).__name__}: {error}"
-    except Exception as error:  # whatever else happens is the solver's fault, and counts so
-        return None, WRONG, f"{type(error).__name__}: {error}"
-
-
 def _verdict(outcome, reason, findings):
     return (WRONG, "; ".join(map(str, findings))) if findings else (outcome, reason)
-
-
-def _given(case, relaxed):
-    model = relaxed.model
-    return Given(
-        case.loop_length, case.diameter, case.bending_rigidity, case.law_strain, case.law_tension,
-        case.contact_stiffness, case.friction, model.cell.points, model.cell.contacts,
-    )  # fmt: skip
 
 
 def _rest(relaxed):
@@ -148,15 +106,13 @@ def _test(case, given, relaxed, rest, direction, clock):
     steps = math.ceil(asked / STORED)
     strains = np.concatenate([FIRST, asked * np.arange(1, steps + 1) / steps])
     found = dict.fromkeys(_RESULTS, "")
-    curve, found["outcome"], found["reason"] = _guarded(
+    curve, found["outcome"], found["reason"] = guarded(
         lambda: clock.time(direction, tensile, relaxed, direction, strains)
     )
     if curve is None:
         return found
-    known, _, _ = _guarded(
-        lambda: clock.time(
-            "errors", partial(tensile, relaxed, direction, strains, estimate_error=True)
-        )
+    known, _, _ = guarded(
+        lambda: clock.time("errors", tensile, relaxed, direction, strains, estimate_error=True)
     )
     error = np.full(curve.steps, np.nan) if known is None else known.numerical_error
     outcome, reason = (STOPPED, curve.stop_reason) if curve.stop_reason else (REACHED, "")
@@ -198,14 +154,14 @@ def summary(rows):
         ),
     ]  # fmt: skip
     for direction in ("course", "wale"):
-        done = [row for row in possible if row[f"{direction}_outcome"] == REACHED]
-        exact = sum(float(row[f"{direction}_numerical_error"]) <= EXACT for row in done)
-        table += [
-            (f"possible cases that reached the asked {direction} strain", len(done), ""),
-            (
-                f"of these, with an estimated error of the force of {100 * EXACT:g} % at most",
-                exact,
-                "",
-            ),
-        ]
+        title = f"possible cases that reached the asked {direction} strain"
+        table += exactness(possible, direction, REACHED, title, "force")
     return table
+
+
+def exactness(possible, direction, outcome, title, load):
+    """Rows (by SUMMARY): how many tests in this direction had the outcome, and how many to EXACT."""
+    done = [row for row in possible if row[f"{direction}_outcome"] == outcome]
+    exact = sum(float(row[f"{direction}_numerical_error"]) <= EXACT for row in done)
+    said = f"of these, with an estimated error of the {load} of {100 * EXACT:g} % at most"
+    return [(title, len(done), ""), (said, exact, "")]
