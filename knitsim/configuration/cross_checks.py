@@ -156,6 +156,6 @@ def _check_curvature(fabric, diameter):
             raise InputError(
                 fabric.scene.where(key),
                 f"{from_si(choice['max_curvature'], 'per_cm'):g}",
-                f"must be at most {most:.4g} 1/cm for fabric {fabric.name}: the cylinder is smaller "
+                f"must be at most {most:.4g} per cm for fabric {fabric.name}: the cylinder is smaller "
                 f"than its yarn of {diameter * 1e3:.4g} mm allows",
             )

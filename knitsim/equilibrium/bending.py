@@ -133,7 +133,8 @@ def bend(relaxed, direction, curvatures, *, spacings="free", increment=None, est
         raise InputError(
             "curvature",
             float(np.abs(curvatures).max()),
-            f"must be finite and {tightest:.4g} 1/m or less: the fabric is too thick for it",
+            f"must be finite and {tightest:.4g} 1/m ({1e-2 * tightest:.4g} per cm) or less: the "
+            "fabric is too thick for it",
         )
     rubs = fabric.friction > 0.0 or fabric.bending_hysteresis > 0.0
     if increment is None:

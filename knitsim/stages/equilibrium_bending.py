@@ -103,7 +103,7 @@ def bent(fabric, relaxed, direction, curvatures, choice, variant, **options):
         key = f"{STAGE}.variants.{variant}.max_curvature_per_cm"
         raise InputError(
             fabric.scene.where(key), f"{from_si(choice['max_curvature'], 'per_cm'):g}",
-            f"fabric {fabric.name}, in 1/m: {error.right}",
+            f"fabric {fabric.name}: {error.right}",
         ) from error  # fmt: skip
     if not curve.steps:
         raise ComputationError(
