@@ -114,7 +114,9 @@ class Fabric:
         ):
             if value < least * hard:
                 raise InputError(
-                    name, value, f"no room for the yarn: {name} must be {1e3 * least * hard:.4g} mm or more"
+                    name,
+                    value,
+                    f"no room for the yarn: {name} must be {1e3 * least * hard:.4g} mm or more",
                 )
         # Two legs that reach beyond a course spacing at each end, and the way across.
         shortest = math.hypot(self.wale_spacing, 2.0 * (self.course_spacing + hard))
