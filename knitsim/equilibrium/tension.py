@@ -28,6 +28,7 @@ INCREMENT = 0.1  # largest increment of strain without friction
 FRICTION_INCREMENT = 0.02
 SLIP_ROUNDING = 0.02  # of the step's own length, see March
 LAG_PASSES = 4
+ROUGH = 0.3  # coefficient of friction above which as many more passes are taken: each leaves more
 FORCE_TOLERANCE = 1e-6  # relative, where a force is asked for
 
 
@@ -224,7 +225,7 @@ class _Walk:
             step * spacing,
             fabric.friction,
             SLIP_ROUNDING,
-            LAG_PASSES,
+            math.ceil(LAG_PASSES * max(1.0, fabric.friction / ROUGH)),
             model.expected,
         )
         self.free, self.load = tuple(free), np.asarray(load)

@@ -21,11 +21,12 @@ def stress_map(rows, limits):
 
     rows: mappings by knitsim.stages.stress.COLUMNS, values as text; limits: that stage's LIMITS.
     Cases called impossible from their inputs are pale; dashed lines are where the rule draws the limit.
+    Inputs that no fabric has are counted, but stand on no map.
     """
-    every, rows = rows, [row for row in rows if _drawable(row)]
+    every, rows = rows, [row for row in rows if row["family"] != "no input"]
     fig, axes = style.figure(height_mm=150.0, rows=2, columns=3)
     heading(fig, f"Stability of the equilibrium model: {len(every)} random and worst cases")
-    value = {name: np.array([_number(row[name]) for row in rows]) for name in _USED}
+    value = {name: np.array([float(row[name]) for row in rows]) for name in _USED}
     d, length = value["diameter"], value["loop_length"]
     slope = np.array([_slope(row) for row in rows])
     rigidity = 16.0 * value["bending_rigidity"] / (slope * d**2)
@@ -80,22 +81,12 @@ _USED = (
 )  # fmt: skip
 
 
-def _number(text):
-    return float(text)
-
-
 def _slope(row):
     """First slope (N) of the tension law."""
     strain, tension = (
         [float(v) for v in str(row[name]).split()] for name in ("law_strain", "law_tension")
     )
     return tension[1] / strain[1]
-
-
-def _drawable(row):
-    """Whether the inputs are positive numbers, which a logarithm has."""
-    sizes = (float(row[name]) for name in _USED[:6])
-    return all(np.isfinite(v) and v > 0.0 for v in sizes)
 
 
 def _scatter(ax, rows, x, y, which):

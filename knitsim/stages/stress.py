@@ -140,6 +140,11 @@ def bending_states(curve):
     )  # fmt: skip
 
 
+def states_of(case, relaxed, curve):
+    """TestStates of the Curve or BendingCurve of a case."""
+    return bending_states(curve) if case.kind == "bending" else tension_states(relaxed, curve)
+
+
 def _row(case, clock):
     reasons = stress.impossible(case)
     row = {name: getattr(case, name) for name in _OF_CASE}
@@ -178,11 +183,11 @@ def _found(case, clock):
         "residual": float(curve.residual.max()),
         "min_distance": float(np.min(curve.min_distance)),
     }
-    states = bending_states(curve) if bends else tension_states(relaxed, curve)
+    states = states_of(case, relaxed, curve)
     wrong = clock.time(
         "judging", judge_test, given_of(case.fabric, relaxed), states, test_of(case, curve)
     )
-    if wrong and all(f.check == UNBALANCED for f in wrong) and _snaps(case, relaxed, curve):
+    if wrong and all(f.check == UNBALANCED for f in wrong) and _snaps(case, relaxed, states):
         found["snaps"], wrong = "yes", []
     wrong = [str(finding) for finding in wrong]
     if case.refined:
@@ -200,15 +205,15 @@ def _found(case, clock):
     return found
 
 
-def _snaps(case, relaxed, curve):
+def _snaps(case, relaxed, states):
     """Whether the fabric jumps from one shape to another on the way, which sets energy free.
 
     Then work goes astray in the same amount however small the steps are; an error of the steps falls.
     """
-    finer, _, _ = guarded(lambda: tested(case, relaxed, finer=4))
-    if finer is None or len(finer.work) != len(curve.work):
+    finer, _, _ = guarded(lambda: states_of(case, relaxed, tested(case, relaxed, finer=4)))
+    if finer is None or len(finer.work) != len(states.work):
         return False
-    lost = [np.diff(c.work - c.energy.sum(axis=1) - c.dissipated) for c in (curve, finer)]
+    lost = [np.diff(s.work - s.energy.sum(axis=1) - s.dissipated) for s in (states, finer)]
     jump = int(np.argmax(lost[0]))
     return bool(0.8 * lost[0][jump] < lost[1][jump] and lost[0][jump] > 0.8 * lost[0].sum() > 0.0)
 
