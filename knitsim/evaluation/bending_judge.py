@@ -37,10 +37,9 @@ CLOSE = 0.03  # of the largest load coordinate: states at most this far apart ar
 PAIR = {"friction": 0.06, "none": 0.03}
 WHOLE = 1e-4  # of the largest work: may go astray between any pair
 # Work done less stored less lost, over the largest of the three so far, with friction; without it the
-# work is what is stored.  In tension the method claims 3 % of each increment, which may add up: 3.1 %
-# at most in trials, 1.7 % with 16 times as many increments.  In bending it claims nothing: 6 % at most,
-# but 2.7, 0.9 and 0.06 % with 2, 4 and 16 times as many increments.
-BALANCE = {"tension": 0.05, "bending": 0.1}
+# work is what is stored.  The method claims 3 % of each increment, which may add up: 3.1 % at most in
+# trials, 1.7 % with 16 times as many increments.
+BALANCE = 0.05
 BEND = 0.1  # of the change of the load between a pair that a chord may miss
 # The same where friction sets in or turns over, at an unknown place between the pair.  There yarns slip
 # to and fro, further than from one state straight to the other: in trials up to 1.36 times the energy
@@ -279,7 +278,7 @@ class _Judge:
         for i in self._close():
             doubt[i:] += SHARP_BEND * self._change(i) if self._sharply(i) else 0.0
         off = np.maximum(np.abs(work - gain - lost) - doubt, 0.0) / whole
-        limit = BALANCE[self.test.kind] if self.given.friction > 0.0 else SAME
+        limit = BALANCE if self.given.friction > 0.0 else SAME
         yield from above(UNBALANCED, off, limit)
 
     def _close(self):
