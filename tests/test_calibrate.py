@@ -12,8 +12,8 @@ from knitsim.equilibrium.tension import tensile
 from knitsim.errors import ComputationError, InputError
 from knitsim.evaluation import calibrate
 from knitsim.evaluation.calibrate import Parameter, Problem, fit
+from knitsim.evaluation.calibrate_bending import Bending
 from knitsim.evaluation.calibrate_curves import (
-    Bending,
     Tension,
     pull,
     pull_of,
@@ -214,6 +214,8 @@ def test_intervals_hold_the_truth(two_strains):
 
 @pytest.mark.slow
 def test_intervals_hold_the_truth_in_ninety_of_a_hundred(two_strains):
+    """The limit that is asked for.  Of intervals that hold the truth 95 times in 100, 100 repeats hold
+    it fewer than 90 times with a probability of 1 % (binomial)."""
     assert (repeats(two_strains, range(100)) >= 90).all()
 
 
@@ -238,11 +240,8 @@ def test_recovery_and_bending_can_be_fitted():
     pulled = Tension(
         "cycle", "course", cycle.force_per_width[keep], cycle.strain[keep], phase=cycle.phase[keep]
     )
-    curvature = np.array([50.0, 100.0, 150.0])
-    curve = bend(relaxed, "wale", np.concatenate([[0.0], curvature]))
-    bent = Bending(
-        "bent", "wale", curvature, curve.moment_per_width[1:] - curve.moment_per_width[0]
-    )
+    curve = bend(relaxed, "wale", [0.0, 50.0, 100.0, 150.0])
+    bent = Bending("bent", "wale", curve.curvature, curve.moment_per_width)
     free = [Parameter("bending_rigidity", 2e-9, 1e-8, 4e-9), Parameter("friction", 0.0, 0.5, 0.1)]
     found = fit(Problem(COTTON, free, [pulled, bent], resolution=COARSE), profile=False)
     np.testing.assert_allclose(found.values, [5e-9, 0.2], rtol=0.1)
@@ -346,7 +345,7 @@ BAD = [
     ({"parameters": []}, "must be 1 to 3"),
     ({"parameters": [CORE, CORE]}, "each once"),
     ({"parameters": [Parameter("colour", 0.0, 1.0)]}, "must be one of core_diameter"),
-    ({"parameters": [Parameter("compression_stiffness", 1.0, 2.0)]}, "no meaning"),
+    ({"parameters": [Parameter("compression_stiffness", 1.0, 2.0)]}, "has no effect"),
     ({"parameters": [Parameter("friction", 0.5, 0.1)]}, "finite and rising"),
     ({"parameters": [Parameter("friction", 0.1, 0.5, 0.0)]}, "start"),
     ({"curves": []}, "one or more"),

@@ -50,19 +50,64 @@ def test_a_prediction_without_calibration_is_the_model_itself():
     assert (outcome.quantities["transverse_strain"].value < 0).all()
 
 
-def test_the_band_is_what_the_interval_of_the_input_makes_of_it(calibration):
+def test_the_band_is_what_the_ends_of_the_interval_make_of_it(calibration):
     outcome = Predictor(calibration=calibration).tension("course", FORCES)
     strain = outcome.quantities["strain"]
-    error = calibration.spread.standard_error[0]
-    moved = [
-        [strain_at(varied(ACRYLIC, {"core_diameter": calibration.values[0] + s * error}), "course", f)
-         for f in FORCES]
-        for s in (1.0, -1.0)
-    ]  # fmt: skip
-    half = calibration.spread.factor * np.abs(np.array(moved) - strain.value).max(axis=0)
-    half = np.hypot(half, strain.numerical_error)
-    np.testing.assert_allclose(strain.high - strain.value, half, rtol=0.05)
-    np.testing.assert_allclose(strain.value - strain.low, half, rtol=0.05)
+    # The bounds count a little as well, hence 5 %.
+    low, high = (
+        [strain_at(varied(ACRYLIC, {"core_diameter": end[0]}), "course", f) for f in FORCES]
+        for end in (calibration.high, calibration.low)
+    )
+    error = strain.numerical_error
+    assert (np.array(high) > strain.value).all() and (strain.value > np.array(low)).all()
+    np.testing.assert_allclose(
+        strain.high - strain.value, np.hypot(high - strain.value, error), rtol=0.05
+    )
+    np.testing.assert_allclose(
+        strain.value - strain.low, np.hypot(strain.value - low, error), rtol=0.05
+    )
+
+
+def test_an_input_on_its_bound_has_a_band_to_one_side():
+    strain = np.array([strain_at(ACRYLIC, "wale", force) for force in FORCES])
+    curve = Tension("wale", "wale", FORCES, strain * [1.02, 0.97, 1.01])
+    free = [Parameter("core_diameter", 0.5e-3, 0.64e-3, 0.62e-3)]
+    found = fit(Problem(ACRYLIC, free, [curve], resolution=COARSE), profile=False)
+    assert found.values[0] == found.high[0] == 0.64e-3
+    strain = Predictor(calibration=found).tension("course", FORCES).quantities["strain"]
+    # A thinner core strains more; a thicker one is not allowed.
+    np.testing.assert_allclose(strain.value - strain.low, strain.numerical_error)
+    wide = [
+        strain_at(varied(ACRYLIC, {"core_diameter": found.low[0]}), "course", f) for f in FORCES
+    ]
+    np.testing.assert_allclose(
+        strain.high - strain.value, np.hypot(wide - strain.value, strain.numerical_error), rtol=0.05
+    )
+
+
+@pytest.mark.slow
+def test_strain_on_loading_is_not_negative_however_little_is_known():
+    # Two points that contradict each other leave the rigidity free within its bounds.
+    curve = Tension("w", "wale", [20.0, 30.0], [0.3, 0.05])
+    free = [Parameter("bending_rigidity", 0.04e-6, 2e-6, 0.05e-6)]
+    found = fit(Problem(ACRYLIC, free, [curve], resolution=COARSE), profile=False)
+    strain = Predictor(calibration=found).tension("course", [5.0, 50.0]).quantities["strain"]
+    assert (strain.low >= 0.0).all() and (strain.low <= strain.value).all()
+    # Not beyond what the softest yarn that is allowed would do.
+    soft = varied(ACRYLIC, {"bending_rigidity": 0.04e-6})
+    most = np.array([strain_at(soft, "course", f) for f in (5.0, 50.0)])
+    assert (strain.high <= np.hypot(most, strain.numerical_error) * 1.02).all()
+
+
+def test_strain_is_predicted_from_the_pretension():
+    outcome = Predictor(ACRYLIC, resolution=COARSE).tension("wale", [20.0, 100.0], pretension=20.0)
+    low, high = (strain_at(ACRYLIC, "wale", force) for force in (20.0, 100.0))
+    strain = outcome.quantities["strain"].value
+    assert strain[0] == 0.0
+    assert strain[1] == pytest.approx((1 + high) / (1 + low) - 1, rel=5e-3)
+    assert outcome.quantities["transverse_strain"].value[0] == 0.0
+    with pytest.raises(InputError, match="pretension"):
+        Predictor(ACRYLIC, resolution=COARSE).tension("wale", [20.0], pretension=30.0)
 
 
 @pytest.mark.slow

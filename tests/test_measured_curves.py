@@ -79,8 +79,10 @@ def test_the_machine_is_subtracted_from_the_extension(write):
 
 def test_strain_counts_from_the_pretension(write):
     comments = ["pretension_N_per_m: 7"]
-    path = write("strain,force_per_width_N_per_m", STRAIN, FORCE, comments=comments)
+    columns = STRAIN, FORCE, -0.5 * STRAIN
+    path = write("strain,force_per_width_N_per_m,lateral_strain", *columns, comments=comments)
     found = read_tension(path, "wale")
+    assert found.lateral_strain == pytest.approx((1.0 - 0.5 * STRAIN[1:]) / 0.99 - 1.0)
     # 7 N/m lie half way between the first two points.
     length = 1.0 + STRAIN[1:]
     assert found.strain == pytest.approx(length / 1.02 - 1.0)
@@ -145,6 +147,14 @@ def test_a_curve_that_makes_no_sense_is_refused_by_name(write, fault):
     assert right in text
     assert "curve.csv" in text
     assert "\n" not in text
+
+
+def test_a_refused_number_stands_as_in_the_file(write):
+    header = "strain_percent,force_per_width_gf_per_cm"
+    with pytest.raises(InputError, match=r"curve\.csv:5: force_per_width_gf_per_cm = 3:"):
+        read_tension(write(header, 100 * STRAIN, [1.0, 4.0, 30.0, 3.0, 50.0]), "wale")
+    with pytest.raises(InputError, match=r"curve\.csv:2: strain_percent = -60:"):
+        read_tension(write(header, [-60.0, 1.0, 2.0, 3.0], [1.0, 2.0, 3.0, 4.0]), "wale")
 
 
 def test_a_band_has_both_ends_and_holds_its_strain(write):

@@ -13,6 +13,7 @@ from knitsim.stages.calibration_tables import (
     CALIBRATION_COLUMNS,
     PREDICTION_COLUMNS,
     grade,
+    prediction_rows,
     write_tables,
 )
 from knitsim.store.writer import describe, write
@@ -25,14 +26,18 @@ def curve(force, stiffness):
     return 0.3 * (force / stiffness) ** 0.5
 
 
-def made(names, stiffness, misfit=0.0, bends=True):
-    """A result file in memory: strain 0.3 sqrt(force/stiffness) wale-wise, twice that course-wise."""
+def made(names, stiffness, misfit=0.0, bends=True, pretension=0.0):
+    """A result file in memory: strain 0.3 sqrt(force/stiffness) wale-wise, twice that course-wise.
+
+    pretension (N/m): from which wale strain is predicted; it was measured from rest.
+    """
     n = len(names)
     force = np.linspace(40.0, 280.0, POINTS)
     strain = np.full((2, POINTS), np.nan)
     strain[0] = curve(force, 300.0)
     model = strain * (1.0 + misfit)
     predicted = np.stack([2.0 * curve(FORCE, stiffness), curve(FORCE, stiffness)])
+    predicted[1] = (1.0 + predicted[1]) / (1.0 + curve(pretension, stiffness)) - 1.0
     band = np.stack([0.9 * predicted, 1.1 * predicted], axis=-1)
     curvature = np.linspace(-100.0, 100.0, 5)
     moment = np.stack([2e-5 * curvature, 1e-5 * curvature])
@@ -52,6 +57,7 @@ def made(names, stiffness, misfit=0.0, bends=True):
         "pretension": ("curve", [0.0, np.nan]),
         "measured_phase": (("curve", "sample"), np.zeros((2, POINTS), dtype=np.int8)),
         "predicted_force_per_width": ("state", FORCE),
+        "predicted_pretension": ("direction", [0.0, pretension]),
         "predicted_strain": (("direction", "state"), predicted),
         "predicted_strain_band": (("direction", "state", "bound"), band),
         "predicted_transverse_strain": (("direction", "state"), -0.5 * predicted),
@@ -68,7 +74,8 @@ def made(names, stiffness, misfit=0.0, bends=True):
         "measured_strain_high": 1.1 * strain,
         "measured_force_per_width": np.stack([force, np.full(POINTS, np.nan)]),
         "measured_transverse_strain": nothing, "model_strain": model, "measured_curvature": bent,
-        "measured_moment_per_width": moments, "model_moment_per_width": nothing,
+        "measured_moment_per_width": moments, "model_moment_per_width": 1.2 * moments,
+        "model_moment_per_width_low": 1.1 * moments, "model_moment_per_width_high": 1.3 * moments,
     }.items():  # fmt: skip
         data[field] = (("curve", "sample"), values)
     if bends:
@@ -92,6 +99,7 @@ def made(names, stiffness, misfit=0.0, bends=True):
     }  # fmt: skip
     dataset = xr.Dataset(data, coords)
     dataset.attrs |= {
+        "band_covers": "95 %, fit and numerical error" if n else "numerical error only",
         "notes": json.dumps(["friction = 0.9: no equilibrium"] if n else []),
         "warnings": json.dumps(["the data cannot tell them apart"] if n > 1 else []),
     }
@@ -164,6 +172,51 @@ def test_the_prediction_table_says_how_good_every_test_is(tables):
     assert (float(strain["value"]), float(strain["low"])) == pytest.approx((0.6, 0.54))
 
 
+def test_measured_strain_stands_beside_the_predicted_one_within_its_range(tables):
+    rows = {(r["calibration"], r["test"], r["name"], r["at"]): r for r in tables[1]}
+    for force in (75.0, 150.0):
+        own = rows["as_given", "tension wale", "strain", f"{force:g} N/m"]
+        # Measured every 48 N/m, of which the chord is read: below the curve by up to
+        # h^2/8 of the second derivative.
+        chord = 48.0**2 / 8.0 * 0.25 * 0.3 / 300.0**0.5 * (force - 48.0) ** -1.5
+        assert curve(force, 300.0) - chord <= float(own["measured"]) <= curve(force, 300.0)
+        assert float(own["misfit"]) == pytest.approx(
+            float(own["value"]) / float(own["measured"]) - 1.0, abs=2e-5
+        )
+        assert own["says"] == f"{100 * float(own['misfit']):+.3g} % from pulled"
+    # Neither below nor above the measured forces, 40 to 280 N/m, nor in the other direction.
+    for at, test in (("25 N/m", "wale"), ("300 N/m", "wale"), ("75 N/m", "course")):
+        own = rows["as_given", f"tension {test}", "strain", at]
+        assert own["measured"] == own["misfit"] == own["says"] == ""
+    assert rows["as_given", "tension wale", "lateral strain", "75 N/m"]["measured"] == ""
+
+
+def test_the_table_says_what_a_band_covers(tables):
+    bands = {row["calibration"]: row["band"] for row in tables[1] if row["low"]}
+    assert bands == {
+        "core": "95 %, fit and numerical error", "both": "95 %, fit and numerical error",
+        "as_given": "numerical error only", "all": "least and largest of the choices",
+    }  # fmt: skip
+
+
+def test_strain_measured_from_rest_is_compared_from_the_pretension():
+    dataset = made(["core_diameter"], 300.0, pretension=88.0)
+    (row,) = [
+        row for row in prediction_rows("jersey", "core", dataset)
+        if row[2:5] == ("tension wale", "strain", "150 N/m")
+    ]  # fmt: skip
+    # The model is the curve that was measured; 88 N/m is one of the measured points.
+    zero = curve(88.0, 300.0)
+    assert float(row[5]) == pytest.approx((1 + curve(150.0, 300.0)) / (1 + zero) - 1, rel=1e-5)
+    assert float(row[10]) == pytest.approx(float(row[5]), rel=0.02)
+    with style.context():
+        fig = figures.fig30_calibration({"core": dataset})
+    points = next(line for line in fig.axes[0].get_lines() if line.get_marker() == "o").get_xdata()
+    strain = curve(np.linspace(40.0, 280.0, POINTS), 300.0)
+    assert points == pytest.approx(100 * ((1 + strain) / (1 + zero) - 1))
+    assert fig.axes[0].get_xlabel() == "wale strain from 0.088 N/mm (%)"
+
+
 def test_the_spread_of_all_calibrations_is_a_row_of_its_own(tables):
     rows = {(r["test"], r["name"], r["at"]): r for r in tables[1] if r["calibration"] == "all"}
     own = rows["tension course", "strain", "300 N/m"]
@@ -219,12 +272,28 @@ def test_predictions_stand_side_by_side():
     ends = sorted(line.get_xdata()[-1] for line in lines_of(course))
     assert ends == pytest.approx(sorted(60 * np.sqrt([1.0, 2.0, 0.5])))
     assert len(lines_of(lateral)) == len(lines_of(bending)) == 3
+    # A bending test was measured course-wise: the model as it goes through that test.
+    assert bending.get_ylabel() == "moment, mean of both ways (mN)"
+    assert fig.axes[5].get_ylabel() == "moment, first bending (mN)"
+    points = next(line for line in bending.get_lines() if line.get_marker() == "o")
+    for line in lines_of(bending):
+        assert line.get_xdata() == pytest.approx(points.get_xdata())
+        assert line.get_ydata() == pytest.approx(1.2 * points.get_ydata())
+    assert max(line.get_xdata().max() for line in lines_of(fig.axes[5])) == pytest.approx(1.0)
+    # What is equal shows as a narrow line on a wide one.
+    widths = [line.get_linewidth() for line in lines_of(course)]
+    assert widths == sorted(widths, reverse=True) and len(set(widths)) == 3
+    assert fig.legends[0].get_title().get_text() == (
+        "Bands: as given: numerical error only; calibrated: 95 %, fit and numerical error."
+        "  Inputs as given count as known."
+    )
     assert [text.get_text() for text in fig.legends[0].get_texts()] == [
-        "no calibration: as given", "core", "both",
+        "no calibration: as given", "core", "both", "measured: bent", "measured: pulled",
     ]  # fmt: skip
     with style.context():
         flat = figures.fig31_prediction({"core": made(*CALIBRATIONS["core"], bends=False)})
-    assert len(flat.axes) == 4
+    # Without predicted bending the measured one is shown.
+    assert len(flat.axes) == 6
 
 
 def test_profiles_have_a_panel_for_each_parameter():
@@ -234,6 +303,13 @@ def test_profiles_have_a_panel_for_each_parameter():
     lines = [line for line in lines_of(fig.axes[0]) if len(line.get_xdata()) == 5]
     assert len(lines) == 2
     assert lines[0].get_xdata() == pytest.approx(1e3 * np.arange(5.0))
+    # Four times the worst fit, 5 %; a profile that stays below is shown as far as it goes.
+    assert fig.axes[0].get_ylim() == pytest.approx((0.0, 1.05 * 20.0))
+    low = made(["core_diameter"], 300.0, 0.7)
+    low.profile_misfit[:] = np.linspace(0.67, 0.99, 5)
+    with style.context():
+        fig = figures.fig32_misfit_profile({"core": low})
+    assert fig.axes[0].get_ylim() == pytest.approx((0.0, 1.05 * 99.0))
 
 
 def test_figures_are_written_the_same_every_time(tmp_path):

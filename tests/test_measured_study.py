@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from knitsim.configuration.measured_checks import free_of, value_of
+from knitsim.configuration.measured_checks import free_of, meaningless, value_of
 from knitsim.configuration.measured_curve import read_measured
 from knitsim.configuration.measured_keys import GIVEN, PARAMETERS
 from knitsim.configuration.study import load_study
@@ -143,6 +143,10 @@ FAULTS = {
                            "width_mm": 20}},
         "measured.wale.width",
     ),
+    "cycle of a tension test": (
+        {"measured.wale": {"direction": "wale", "file": "curve.csv", "cycle": 2}},
+        "measured.wale.cycle",
+    ),
 }  # fmt: skip
 
 
@@ -159,6 +163,33 @@ def test_a_stiffness_that_a_core_law_replaces_is_not_free(study_of):
     core = {"core_diameter_mm": 0.1, "stiffness_N_per_mm3": 0.01}
     with pytest.raises(InputError, match="has no effect"):
         study_of({"calibrations.one.free": ["compression_stiffness"]}, core_law=core)
+
+
+def test_one_rule_says_which_parameters_a_yarn_has(study_of, tmp_path):
+    core = {"core_diameter_mm": 0.1, "stiffness_N_per_mm3": 0.01}
+    pressed = {"file": "pressed.csv"}
+    (tmp_path / "pressed.csv").write_text("thickness_mm,pressure_MPa\n")
+    of_core = {"core_diameter", "core_stiffness", "core_exponent"}
+    everywhere = set(PARAMETERS) - of_core - {"compression_stiffness"}
+    for laws, own in (
+        ({}, everywhere | {"compression_stiffness"}), ({"core_law": core}, everywhere | of_core),
+        ({"compression_curve": pressed}, everywhere),
+    ):  # fmt: skip
+        yarn = study_of({}, **laws).yarns["small"]
+        assert {name for name in PARAMETERS if not meaningless(yarn, name)} == own
+    with pytest.raises(InputError, match="has no effect: the yarn has a compression_curve"):
+        study_of({"calibrations.one.free": ["compression_stiffness"]}, compression_curve=pressed)
+
+
+def test_the_cycle_of_a_bending_test_reaches_its_reader(study_of):
+    curve = "curvature_per_cm,moment_per_width_gf_cm_per_cm\n0,0\n1,0.1\n2,0.2\n1,0.08\n0,-0.02\n"
+    changes = {
+        "measured": {
+            "b": {"direction": "wale", "file": "curve.csv", "test": "bending", "cycle": 2}
+        },
+        "calibrations.one.fit": ["b"],
+    }
+    assert read_measured(study_of(changes, curve).fabrics["small"], "b").cycle == 2
 
 
 def test_curves_are_read_before_anything_is_computed(study_of):

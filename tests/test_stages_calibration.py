@@ -10,7 +10,7 @@ import xarray as xr
 import yaml
 
 from knitsim.configuration.measured_checks import config_of, names_of
-from knitsim.configuration.measured_curve import MeasuredBending, MeasuredTension, read_measured
+from knitsim.configuration.measured_curve import MeasuredTension, read_measured
 from knitsim.configuration.measured_keys import GIVEN
 from knitsim.configuration.study import load_study
 from knitsim.equilibrium.relax import relax
@@ -52,27 +52,6 @@ def test_a_band_without_width_is_no_band():
     assert stage.tension_of("wale", wide)[0].low == pytest.approx(strain - 0.01)
     none = tension(strain, [1.0, 2.0, 3.0], low=strain, high=strain)
     assert stage.tension_of("wale", none)[0].low is None
-
-
-@pytest.mark.parametrize("curl", [0.0, 0.3])
-def test_a_bending_loop_becomes_the_mean_of_both_ways_from_flat(curl):
-    up = np.linspace(0.0, 250.0, 51)
-    curvature = np.concatenate([up, up[-2::-1], -up[1:], -up[-2::-1]])
-    rising = np.sign(np.gradient(curvature))
-    moment = 2e-5 * curvature + 1e-3 * rising + curl
-    one = stage.bending_of("b", MeasuredBending("b", "course", curvature, moment, (), ()))
-    inner = np.abs(one.curvature) < 240.0
-    assert one.moment_per_width[inner] == pytest.approx(2e-5 * one.curvature[inner], abs=2e-5)
-    assert one.curvature.min() == pytest.approx(-250.0) and (one.curvature != 0.0).all()
-
-
-def test_a_bending_test_to_one_side_counts_from_flat():
-    up = np.linspace(0.0, 100.0, 21)
-    curvature = np.concatenate([up, up[-2::-1]])
-    moment = 1e-5 * curvature
-    one = stage.bending_of("b", MeasuredBending("b", "wale", curvature, moment, (), ()))
-    assert (one.curvature > 0.0).all()
-    assert one.moment_per_width == pytest.approx(1e-5 * one.curvature, abs=1e-9)
 
 
 @pytest.fixture(scope="module")

@@ -83,7 +83,8 @@ class Curve:
 
     values: quantity -> array (n,), read-only.  lines: line of each point in the file, (n,).
     metadata: what the comments or the caller gave (``gauge_length`` m, ``linear_density`` kg/m).
-    comments: the other comment lines.  ignored: header names that are no known quantity.
+    comments: the other comment lines.  ignored: header names that are no known quantity.  written:
+    quantity -> (header name, numbers as they stand in the file), for messages.
     """
 
     source: str
@@ -92,12 +93,17 @@ class Curve:
     metadata: Mapping[str, float]
     comments: tuple[str, ...]
     ignored: tuple[str, ...]
+    written: Mapping[str, tuple]
 
     def __getitem__(self, quantity):
         return self.values[quantity]
 
     def __len__(self):
         return self.lines.size
+
+    def refused(self, where, quantity, point, right):
+        """The InputError for a point: its line, and its number and header as the file has them."""
+        return _refused(where, self.written, self.lines, quantity, point, right)
 
 
 def read_curve(
@@ -174,11 +180,14 @@ def read_curve(
         column.setflags(write=False)
         values[quantity] = column
     lines.setflags(write=False)
+    written = {name: (names[index], numbers[index]) for name, (index, _) in chosen.items()}
     for quantity in not_negative:
-        _refuse_first(where, values[quantity] < 0, quantity, values, lines, "must not be negative")
+        _refuse_first(where, values[quantity] < 0, quantity, written, lines, "must not be negative")
     if rising is not None:
         falls = np.concatenate([[False], np.diff(values[rising]) < 0])
-        _refuse_first(where, falls, rising, values, lines, "must not fall below the line before it")
+        _refuse_first(
+            where, falls, rising, written, lines, "must not fall below the line before it"
+        )
     return Curve(
         Path(path).name,
         MappingProxyType(values),
@@ -186,6 +195,7 @@ def read_curve(
         MappingProxyType(metadata),
         comments,
         ignored,
+        MappingProxyType(written),
     )
 
 
@@ -212,19 +222,21 @@ def read_yarn_curve(path, *, gauge_length=None, linear_density=None, least_point
         where,
         force < -0.05 * force.max(),
         "force",
-        curve.values,
+        curve.written,
         curve.lines,
         "must not be negative (below -5 % of the largest force)",
     )
     return curve
 
 
-def _refuse_first(where, bad, quantity, values, lines, right):
+def _refuse_first(where, bad, quantity, written, lines, right):
     if bad.any():
-        first = int(np.argmax(bad))
-        raise InputError(
-            f"{where}:{lines[first]}: {quantity}", f"{values[quantity][first]:.9g} (SI)", right
-        )
+        raise _refused(where, written, lines, quantity, int(np.argmax(bad)), right)
+
+
+def _refused(where, written, lines, quantity, point, right):
+    header, numbers = written[quantity]
+    return InputError(f"{where}:{lines[point]}: {header}", f"{numbers[point]:.9g}", right)
 
 
 def _split(where, lines):

@@ -4,7 +4,14 @@ from dataclasses import dataclass
 
 from knitsim import units
 from knitsim.configuration.check import shown
-from knitsim.configuration.measured_keys import GIVEN, MOST_FREE, PARAMETERS, STAGE, key_name
+from knitsim.configuration.measured_keys import (
+    GIVEN,
+    LAWS,
+    MOST_FREE,
+    PARAMETERS,
+    STAGE,
+    key_name,
+)
 from knitsim.errors import InputError
 
 # Bounds of a parameter without a range in the ledger, as factors of its value; from 0 to 1 if it is 0.
@@ -46,6 +53,11 @@ def config_of(fabric, name):
     own = {key: value for key, value in fabric["calibrations"].items() if key == name}
     config["values"] = config["values"] | {"calibrations": own}
     return config
+
+
+def meaningless(yarn, name):
+    """Why the parameter ``name`` has no meaning for a YarnInput; "" where it has."""
+    return PARAMETERS[name].meaningless([law for law in LAWS if yarn[law] is not None])
 
 
 def value_of(fabric, name):
@@ -115,12 +127,17 @@ def check_measured(fabric):
         )  # fmt: skip
     for name, entry in measured.items():
         _ = fabric.measured_path(name)
+        if entry["test"] == "tension" and entry["cycle"] > 1:
+            raise InputError(
+                fabric.where(f"measured.{name}.cycle"), entry["cycle"],
+                "is of a bending test; of tension the first loading is read",
+            )  # fmt: skip
         if entry["test"] == "bending":
             for key in ("gauge_length", "width", "pretension", "machine_compliance"):
                 if entry[key] is not None:
                     raise InputError(
-                        fabric.where(f"measured.{name}.{key}"), f"{entry[key]:.6g} (SI)",
-                        "is a key of a tension test, not of bending",
+                        fabric.where(f"measured.{name}.{key}"), None,
+                        "is of a tension test, not of bending",
                     )  # fmt: skip
     for name, entry in calibrations.items():
         here = f"calibrations.{name}"
@@ -145,24 +162,10 @@ def check_measured(fabric):
 
 
 def _check_free(fabric, here, entry):
-    yarn = fabric.yarn
     for name in entry["free"]:
-        one = PARAMETERS[name]
-        if one.needs and yarn[one.needs] is None:
-            raise InputError(
-                fabric.where(f"{here}.free"), name,
-                f"needs {one.needs} in the yarn {yarn.name}, which has none",
-            )  # fmt: skip
-        if one.excluded_by and yarn[one.excluded_by] is not None:
-            raise InputError(
-                fabric.where(f"{here}.free"), name,
-                f"has no effect: the yarn {yarn.name} has a {one.excluded_by}",
-            )  # fmt: skip
-        if name == "compression_stiffness" and yarn["compression_curve"] is not None:
-            raise InputError(
-                fabric.where(f"{here}.free"), name,
-                f"has no effect: the yarn {yarn.name} has a compression_curve",
-            )  # fmt: skip
+        why = meaningless(fabric.yarn, name)
+        if why:
+            raise InputError(fabric.where(f"{here}.free"), name, f"{why} ({fabric.yarn.name})")
     for name, pair in (entry["bounds"] or {}).items():
         if pair is None:
             continue

@@ -63,7 +63,8 @@ class MeasuredTension:
 @dataclass(frozen=True, eq=False)
 class MeasuredBending:
     """A measured bending test of a fabric: curvature (1/m, positive with the technical face convex)
-    and moment per width (N), (n,) in the order of the test.  direction: the one that becomes curved.
+    and moment per width (N), (n,) in the order of the test.  direction: the one that becomes curved;
+    cycle: which one of the test, from 1.
     """
 
     source: str
@@ -72,15 +73,36 @@ class MeasuredBending:
     moment_per_width: np.ndarray
     corrections: tuple
     comments: tuple
+    cycle: int = 1
 
     test = "bending"
+
+
+def from_pretension(strain, zero):
+    """Strain counted from the state that is strained by ``zero``."""
+    return (1.0 + strain) / (1.0 + zero) - 1.0
+
+
+def loading_at(wanted, force, values):
+    """Measured ``values`` (n,) of first loading, read at forces (N/m); NaN outside those measured."""
+    force = np.maximum.accumulate(force)
+    return np.interp(wanted, force, values, left=np.nan, right=np.nan)
+
+
+def zero_at(pretension, force, values, own):
+    """Measured strain, along or across the pull, under ``pretension`` (N/m).
+
+    force (N/m), values: of first loading, (n,), counted from the state under ``own`` (N/m), above
+    which the pretension lies.
+    """
+    return float(loading_at(pretension, np.append(own, force), np.append(0.0, values)))
 
 
 def read_measured(fabric, name):
     """The MeasuredTension or MeasuredBending ``name`` of a FabricInput.  Raises InputError."""
     entry, path = fabric["measured"][name], fabric.measured_path(name)
     if entry["test"] == "bending":
-        return read_bending(path, entry["direction"])
+        return read_bending(path, entry["direction"], cycle=entry["cycle"])
     return read_tension(
         path, entry["direction"], gauge_length=entry["gauge_length"], width=entry["width"],
         pretension=entry["pretension"], machine_compliance=entry["machine_compliance"],
@@ -116,8 +138,8 @@ def read_tension(
     top = int(np.argmax(strain))
     _refuse_disorder(where, curve, strain, force, top)
     if top + 1 < LEAST_LOADING:
-        raise InputError(
-            f"{where}:{curve.lines[top]}: strain", f"{strain[top]:g}",
+        raise curve.refused(
+            where, "strain", top,
             f"is the largest strain after {top + 1} points of loading; at least {LEAST_LOADING} are "
             "needed (loading comes first, then recovery)",
         )  # fmt: skip
@@ -143,9 +165,10 @@ def read_tension(
         _refuse_disorder(where, curve, strain, force, top)
     keep = np.arange(strain.size)
     if "pretension" in given:
-        zero, keep = _zero_of(where, curve, strain, force, top, given["pretension"])
-        strain = (1.0 + strain) / (1.0 + zero) - 1.0
-        band = [None if one is None else (1.0 + one) / (1.0 + zero) - 1.0 for one in band]
+        zero, across, keep = _zero_of(where, strain, force, top, given["pretension"], lateral)
+        strain = from_pretension(strain, zero)
+        lateral = None if lateral is None else from_pretension(lateral, across)
+        band = [None if one is None else from_pretension(one, zero) for one in band]
         corrections.append(
             f"strain counted from a pretension of {from_si(given['pretension'], 'N_per_mm'):.4g} "
             f"N/mm, {100 * zero:.3g} % of strain in the file"
@@ -158,11 +181,11 @@ def read_tension(
     )  # fmt: skip
 
 
-def read_bending(path, direction):
+def read_bending(path, direction, *, cycle=1):
     """The MeasuredBending in the CSV file at ``path``: columns curvature and moment_per_width.
 
-    The curvature runs from flat to one side, to the other and back, or a part of that.  Raises
-    InputError as :func:`read_tension`.
+    The curvature runs from flat to one side, to the other and back, or a part of that.  cycle: which
+    one of the test it is.  Raises InputError as :func:`read_tension`.
     """
     where = str(path)
     curve = read_curve(path, ("curvature", "moment_per_width"), least_points=LEAST_LOADING)
@@ -197,15 +220,13 @@ def read_bending(path, direction):
             f"{where}: moment_per_width", f"mean slope {slope / largest:.4g} N m",
             "must rise with the curvature (both positive with the technical face convex)",
         )  # fmt: skip
-    return MeasuredBending(curve.source, direction, curvature, moment, (), curve.comments)
+    return MeasuredBending(curve.source, direction, curvature, moment, (), curve.comments, cycle)
 
 
 def _refuse(where, curve, name, bad, right):
     """InputError with the line of the first bad point, if any."""
     if bad.any():
-        first = int(np.argmax(bad))
-        value = curve.values[name][first]
-        raise InputError(f"{where}:{curve.lines[first]}: {name}", f"{value:.6g} (SI)", right)
+        raise curve.refused(where, name, int(np.argmax(bad)), right)
 
 
 def _refuse_other_units(where, curve, strain, force):
@@ -257,8 +278,8 @@ def _refuse_disorder(where, curve, strain, force, top):
         if bad.any():
             first = int(np.argmax(bad))
             way = "falls on loading" if first <= top else "rises on recovery"
-            raise InputError(
-                f"{where}:{curve.lines[first]}: {name}", f"{values[first]:.6g} (SI)",
+            raise curve.refused(
+                where, name, first,
                 f"{what} {way}: points must be in the order of the test, loading then recovery of "
                 "one cycle",
             )  # fmt: skip
@@ -275,8 +296,9 @@ def _machine_strain(where, given, force):
     return given["machine_compliance"] * force * given["width"] / given["gauge_length"]
 
 
-def _zero_of(where, curve, strain, force, top, pretension):
-    """Strain at which loading passes the pretension (0 if it starts there), points kept."""
+def _zero_of(where, strain, force, top, pretension, lateral):
+    """Strain and lateral strain at which loading passes the pretension (0 if it starts there), points
+    kept."""
     if pretension >= force[: top + 1].max():
         raise InputError(
             f"{where}: pretension", f"{from_si(pretension, 'N_per_mm'):.6g} N/mm",
@@ -285,8 +307,11 @@ def _zero_of(where, curve, strain, force, top, pretension):
     above = int(np.argmax(force > pretension * (1.0 + 1e-9)))
     if above == 0:
         # The file starts above the pretension: its zero is the state under pretension.
-        return 0.0, np.arange(strain.size)
+        return 0.0, 0.0, np.arange(strain.size)
     part = (pretension - force[above - 1]) / (force[above] - force[above - 1])
-    zero = float(strain[above - 1] + part * (strain[above] - strain[above - 1]))
+    zero, across = (
+        0.0 if one is None else float(one[above - 1] + part * (one[above] - one[above - 1]))
+        for one in (strain, lateral)
+    )
     numbers = np.arange(strain.size)
-    return zero, numbers[(numbers >= above) & ((numbers <= top) | (force >= pretension))]
+    return zero, across, numbers[(numbers >= above) & ((numbers <= top) | (force >= pretension))]

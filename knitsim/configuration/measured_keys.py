@@ -14,46 +14,68 @@ GIVEN = "as_given"
 class Parameter:
     """A parameter that a calibration may free.
 
-    key: where its value stands, from the fabric on, with dots; unit: of that key; low, high: what
-    its bounds may be at most, in that unit; needs: a section of the yarn without which it has no
-    meaning, excluded_by: one with which it has none.
+    key: where its value stands, from the fabric on, with dots; unit: of that key; si: of the value
+    inside; low, high: what its bounds may be at most, in unit; needs: the section of the yarn without
+    which it has no meaning, excluded_by: those with which it has none; field: its name in a
+    knitsim.equilibrium.fabric.Fabric, or in its contact ("contact.stiffness").
     """
 
     key: str
     unit: str | None
+    si: str
     low: float
     high: float
     about: str
+    field: str
     needs: str = ""
-    excluded_by: str = ""
+    excluded_by: tuple = ()
 
     @property
     def is_of_yarn(self):
         return self.key.startswith("yarn.")
 
+    def meaningless(self, laws):
+        """Why it has no meaning for a yarn with these sections (names); "" where it has."""
+        if self.needs and self.needs not in laws:
+            return f"needs {self.needs}, and the yarn has none"
+        beside = [law for law in self.excluded_by if law in laws]
+        return f"has no effect: the yarn has a {beside[0]}" if beside else ""
 
+
+# The sections of a yarn that say how it is compressed.
+LAWS = ("core_law", "compression_curve")
 PARAMETERS = {
     "core_diameter": Parameter(
-        "yarn.core_law.core_diameter_mm", "mm", 0.0, 20.0, "Diameter of the core.", "core_law"
+        "yarn.core_law.core_diameter_mm", "mm", "m", 0.0, 20.0, "Diameter of the core.",
+        "contact.core", needs="core_law",
     ),
     "core_stiffness": Parameter(
-        "yarn.core_law.stiffness_N_per_mm3", "N_per_mm3", 0.0, 1e6, "Stiffness k of the shell.",
-        "core_law",
+        "yarn.core_law.stiffness_N_per_mm3", "N_per_mm3", "N m-3", 0.0, 1e6,
+        "Stiffness k of the shell.", "contact.stiffness", needs="core_law",
     ),
     "core_exponent": Parameter(
-        "yarn.core_law.exponent", None, 1.0, 20.0, "Exponent p of the shell.", "core_law"
+        "yarn.core_law.exponent", None, "1", 1.0, 20.0, "Exponent p of the shell.",
+        "contact.exponent", needs="core_law",
     ),
     "compression_stiffness": Parameter(
-        "yarn.compression_stiffness_N_per_m", "N_per_m", 0.0, 1e9,
-        "Stiffness K of the contact of two yarns.", "", "core_law",
+        "yarn.compression_stiffness_N_per_m", "N_per_m", "N m-1", 0.0, 1e9,
+        "Stiffness K of the contact of two yarns.", "contact.stiffness", excluded_by=LAWS,
     ),
-    "friction": Parameter("yarn.friction", None, 0.0, 1.0, "Coulomb friction of yarn on yarn."),
-    "set": Parameter("set", None, 0.0, 1.0, "Part of the curvature that the yarn has taken as set."),
+    "friction": Parameter(
+        "yarn.friction", None, "1", 0.0, 1.0, "Coulomb friction of yarn on yarn.", "friction"
+    ),
+    "set": Parameter(
+        "set", None, "1", 0.0, 1.0, "Part of the curvature that the yarn has taken as set.",
+        "set_fraction",
+    ),
     "bending_rigidity": Parameter(
-        "yarn.bending_rigidity_N_mm2", "N_mm2", 0.0, 1e6, "Bending rigidity of the yarn."
+        "yarn.bending_rigidity_N_mm2", "N_mm2", "N m2", 0.0, 1e6, "Bending rigidity of the yarn.",
+        "bending_rigidity",
     ),
-    "diameter": Parameter("yarn.diameter_mm", "mm", 0.0, 20.0, "Yarn diameter."),
-    "loop_length": Parameter("loop_length_mm", "mm", 0.0, 200.0, "Length of yarn in one loop."),
+    "diameter": Parameter("yarn.diameter_mm", "mm", "m", 0.0, 20.0, "Yarn diameter.", "diameter"),
+    "loop_length": Parameter(
+        "loop_length_mm", "mm", "m", 0.0, 200.0, "Length of yarn in one loop.", "loop_length"
+    ),
 }  # fmt: skip
 
 
@@ -80,11 +102,13 @@ MEASURED = Section(
     named=True,
     keys=(
         Key("test", "test", "choice", "tension: strain and force, loading and, if it is there, "
-            "recovery. bending: curvature and moment per width.", choices=("tension", "bending"),
+            "recovery. bending: curvature and moment per width in the order of the test; "
+            "the mean of both ways is compared.", choices=("tension", "bending"),
             default="tension"),
         Key("direction", "direction", "choice", "Direction pulled, or that becomes curved.",
             choices=("course", "wale"), default=REQUIRED),
-        Key("file", "file", "text", "CSV file, relative to the study or to config/.",
+        Key("file", "file", "text", "CSV file, relative to the study or the "
+            "directory above it, else to config/.",
             default=REQUIRED),
         Key("gauge_length_mm", "gauge_length", "number", "Length of the specimen between the clamps.",
             unit="mm", allowed="(0, 1e5]"),
@@ -94,6 +118,8 @@ MEASURED = Section(
             "set to zero.", unit="N_per_mm", allowed="(0, 1e3]"),
         Key("pretension_gf_per_cm", "pretension", "number", "The same.", unit="gf_per_cm",
             allowed="(0, 1e6]"),
+        Key("cycle", "cycle", "integer", "Which cycle of a bending test the file holds: friction "
+            "remembers those before.", allowed="[1, 10]", default=1),
         Key("machine_compliance_mm_per_N", "machine_compliance", "number", "Extension of the machine "
             "and its clamps per force, subtracted from the extension.", unit="mm_per_N",
             allowed="(0, 1e3]"),

@@ -14,10 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from knitsim.configuration.measured_keys import MOST_FREE
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.errors import ComputationError, InputError
 from knitsim.evaluation import calibrate_curves as curves_
-from knitsim.evaluation.calibrate_curves import Bending, Tension
+from knitsim.evaluation.calibrate_bending import Bending, bending_points
+from knitsim.evaluation.calibrate_curves import Tension
 from knitsim.evaluation.calibrate_states import (
     Sensitivity,
     States,
@@ -34,7 +36,6 @@ from knitsim.evaluation.calibrate_statistics import (
     warnings_of,
 )
 
-MOST_FREE = 3
 KINDS = ("strain", "force")
 MISFITS = ("relative", "absolute", "band")
 PENALTY = 1e3  # residual of a trial that failed: far beyond any that succeeds
@@ -301,7 +302,10 @@ class _Trials:
             pass
         self.resolution = common_resolution(fabrics, problem.resolution)
         self.states = States(self.resolution)
-        self.measured = [curves_.measured_points(c, problem.kind) for c in problem.curves]
+        self.measured = [
+            c.change if isinstance(c, Bending) else curves_.measured_points(c, problem.kind)
+            for c in problem.curves
+        ]
         self.divisor = [
             self._divisor(*one) for one in zip(problem.curves, self.measured, strict=True)
         ]
@@ -344,7 +348,7 @@ class _Trials:
             for curve in self.problem.curves:
                 if isinstance(curve, Bending):
                     solved.append(None)
-                    points.append(curves_.bending_points(curve, rest.relaxed))
+                    points.append(bending_points(curve, rest.relaxed))
                     continue
                 solved.append(curves_.pull_of(curve, rest.relaxed, kind, self.problem.states))
                 points.append(curves_.tension_points(curve, solved[-1], kind))

@@ -1,6 +1,6 @@
-"""Measured curves as a fit sees them, and the same points from the model.
+"""Measured tension tests as a fit sees them, and the same points from the model.
 
-A tension test is solved at strains that do not depend on the fabric's inputs, up to the largest
+A test is solved at strains that do not depend on the fabric's inputs, up to the largest
 measured force; between its states the strain at a force (or the force at a strain) is interpolated
 by monotone cubics.
 """
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from knitsim.equilibrium.bending import DIRECTIONS, bend
+from knitsim.configuration.measured_curve import from_pretension
 from knitsim.equilibrium.curve import LOADING, RECOVERY
 from knitsim.equilibrium.tension import COURSE_SPACING, LARGEST_STRAIN, WALE_SPACING, tensile
 from knitsim.errors import ComputationError, InputError
@@ -21,7 +21,8 @@ FURTHER = 4.0  # the model may strain this many times as far before it counts as
 _PULLED = {"course": (WALE_SPACING, COURSE_SPACING), "wale": (COURSE_SPACING, WALE_SPACING)}
 
 
-def _array(where, values, size=None, least=1):
+def numbers(where, values, size=None, least=1):
+    """``values`` as an array (n,) of finite numbers, n = size or least at least; else InputError."""
     try:
         values = np.array(values, dtype=float)
     except (TypeError, ValueError):
@@ -33,8 +34,9 @@ def _array(where, values, size=None, least=1):
     return values
 
 
-def _weight(name, weight, size):
-    weight = np.ones(size) if weight is None else _array(f"{name}: weight", weight, size)
+def weights(name, weight, size):
+    """The weights (size,) of a curve's points, all 1 without; else InputError."""
+    weight = np.ones(size) if weight is None else numbers(f"{name}: weight", weight, size)
     if (weight < 0).any() or not weight.any():
         raise InputError(f"{name}: weight", weight.tolist(), "must not be negative, nor all zero")
     return weight
@@ -64,9 +66,9 @@ class Tension:
     def __post_init__(self):
         if self.direction not in _PULLED:
             raise InputError(f"{self.name}: direction", self.direction, "must be course or wale")
-        force = _array(f"{self.name}: force per width", self.force_per_width)
+        force = numbers(f"{self.name}: force per width", self.force_per_width)
         n = len(force)
-        strain = _array(f"{self.name}: strain", self.strain, n)
+        strain = numbers(f"{self.name}: strain", self.strain, n)
         phase = np.zeros(n, dtype=int) if self.phase is None else np.array(self.phase, dtype=int)
         if phase.shape != (n,) or not np.isin(phase, (LOADING, RECOVERY)).all():
             raise InputError(
@@ -93,8 +95,8 @@ class Tension:
         if (self.low is None) != (self.high is None):
             raise InputError(f"{self.name}: band", None, "must have both its low and its high end")
         if self.low is not None:
-            low = _array(f"{self.name}: low", self.low, n)
-            high = _array(f"{self.name}: high", self.high, n)
+            low = numbers(f"{self.name}: low", self.low, n)
+            high = numbers(f"{self.name}: high", self.high, n)
             if not (low < high).all():
                 raise InputError(f"{self.name}: low", low.tolist(), "must be below high")
             object.__setattr__(self, "low", low)
@@ -103,49 +105,13 @@ class Tension:
             ("force_per_width", force),
             ("strain", strain),
             ("phase", phase),
-            ("weight", _weight(self.name, self.weight, n)),
+            ("weight", weights(self.name, self.weight, n)),
         ):
             object.__setattr__(self, field, value)
 
     @property
     def size(self):
         return len(self.strain)
-
-
-@dataclass(frozen=True, eq=False)
-class Bending:
-    """A measured bending test; arrays (n,).
-
-    direction: the one that becomes curved; curvature (1/m, positive with the technical face convex),
-    in the order of the test from the flat fabric on; moment_per_width (N), counted from that of the
-    flat fabric, which curl makes uncertain; weight.
-    """
-
-    name: str
-    direction: str
-    curvature: np.ndarray
-    moment_per_width: np.ndarray
-    weight: np.ndarray | None = None
-
-    def __post_init__(self):
-        if self.direction not in DIRECTIONS:
-            raise InputError(f"{self.name}: direction", self.direction, "must be course or wale")
-        curvature = _array(f"{self.name}: curvature", self.curvature)
-        n = len(curvature)
-        moment = _array(f"{self.name}: moment per width", self.moment_per_width, n)
-        for what, values in (("curvature", curvature), ("moment per width", moment)):
-            if not values.any():
-                raise InputError(f"{self.name}: {what}", 0.0, "must not be zero throughout")
-        for field, value in (
-            ("curvature", curvature),
-            ("moment_per_width", moment),
-            ("weight", _weight(self.name, self.weight, n)),
-        ):
-            object.__setattr__(self, field, value)
-
-    @property
-    def size(self):
-        return len(self.curvature)
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,15 +217,8 @@ def pull_of(test, relaxed, kind, states=STATES):
     return pull(relaxed, test.direction, strains, recovery=recovery, lateral=test.lateral)
 
 
-def from_pretension(strain, zero):
-    """Strain counted from the state that is strained by ``zero``."""
-    return (1.0 + strain) / (1.0 + zero) - 1.0
-
-
 def measured_points(test, kind):
-    """The measured values that a fit compares with, (n,): strain, force per width or moment."""
-    if isinstance(test, Bending):
-        return test.moment_per_width
+    """The measured values that a fit of a Tension compares with, (n,): strain or force per width."""
     return test.strain if kind == "strain" else test.force_per_width
 
 
@@ -334,11 +293,3 @@ def has_gradient(test, fabric, names):
         and fabric.friction == 0.0
         and "friction" not in names
     )
-
-
-def bending_points(test, relaxed):
-    """Moment per width (N) at the measured curvatures, from that of the flat fabric, (n,)."""
-    curve = bend(relaxed, test.direction, np.concatenate([[0.0], test.curvature]))
-    if curve.stop_reason:
-        raise ComputationError(f"{test.direction} bending: {curve.stop_reason}")
-    return curve.moment_per_width[1:] - curve.moment_per_width[0]

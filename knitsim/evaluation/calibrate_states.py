@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from knitsim.configuration.measured_keys import PARAMETERS
 from knitsim.equilibrium.fabric import CoreContact, Fabric, Resolution
 from knitsim.equilibrium.friction_kernels import no_slip
 from knitsim.equilibrium.model import build_model, with_set
@@ -19,22 +20,10 @@ from knitsim.equilibrium.relax import Relaxed, relax, settle
 from knitsim.equilibrium.tension import biaxial
 from knitsim.errors import ComputationError, InputError
 
-# Where each input of a fabric stands: (part, field).
-INPUTS = {
-    "core_diameter": ("contact", "core"),
-    "core_stiffness": ("contact", "stiffness"),
-    "core_exponent": ("contact", "exponent"),
-    "compression_stiffness": ("contact", "stiffness"),
-    "friction": ("", "friction"),
-    "set": ("", "set_fraction"),
-    "bending_rigidity": ("", "bending_rigidity"),
-    "diameter": ("", "diameter"),
-    "loop_length": ("", "loop_length"),
-    "wale_spacing": ("", "wale_spacing"),
-    "course_spacing": ("", "course_spacing"),
-    "bending_hysteresis": ("", "bending_hysteresis"),
+# Where each input of a fabric stands: (part, field), those that can be calibrated first.
+INPUTS = {name: tuple(f".{one.field}".split(".")[-2:]) for name, one in PARAMETERS.items()} | {
+    name: ("", name) for name in ("wale_spacing", "course_spacing", "bending_hysteresis")
 }
-_CORE = ("core_diameter", "core_stiffness", "core_exponent")
 # Widest split of a change of inputs, and how much thinner a yarn is taken that has no start itself.
 _PARTS = (1, 2, 4, 8, 16)
 _THINNER = (0.9, 0.8, 0.7)
@@ -48,10 +37,10 @@ def check_input(name, fabric):
     """Raises InputError for a name that is not an input of this fabric."""
     if name not in INPUTS:
         raise InputError("parameter", name, f"must be one of {', '.join(INPUTS)}")
-    core = isinstance(fabric.contact, CoreContact)
-    if (name in _CORE and not core) or (name == "compression_stiffness" and core):
-        law = "core law" if core else "barrier"
-        raise InputError("parameter", name, f"has no meaning for a fabric with the {law} contact")
+    laws = ["core_law"] if isinstance(fabric.contact, CoreContact) else []
+    why = PARAMETERS[name].meaningless(laws) if name in PARAMETERS else ""
+    if why:
+        raise InputError("parameter", name, why)
 
 
 def value_of(fabric, name):

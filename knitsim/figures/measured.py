@@ -9,6 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from knitsim.configuration.measured_curve import LOADING, from_pretension, zero_at
 from knitsim.configuration.measured_keys import GIVEN
 from knitsim.figures import style
 from knitsim.figures.states import PERCENT, fabric_name, heading, letter
@@ -20,7 +21,11 @@ _COLOURS = (
     style.GREY,
 )  # fmt: skip
 _LINES = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)), (0, (1.2, 1.2)))
+WIDEST, NARROWER, NARROWEST = 2.2, 0.5, 0.7  # line widths
+_MARKERS = "osD^v"
+_POINTS = 3.0  # zorder of measured points, above all lines
 _BAND = 0.18
+ROOM = 1.05  # of the axis above the largest value
 HIGHEST = 4.0  # misfit shown in profiles, over the largest of the fits
 _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 # Units in which values of parameters are written, by their SI unit.
@@ -32,18 +37,21 @@ def ordered(datasets):
     return {name: datasets[name] for name in sorted(datasets, key=lambda name: name != GIVEN)}
 
 
-def _looks(datasets):
-    """{calibration: line colour and style}; that without calibration is black."""
+def _looks(datasets, nested=False):
+    """{calibration: line colour and style}; that without calibration is black.
+
+    nested: each is drawn over the one before and narrower, so that equal curves both show.
+    """
     looks, number = {}, 0
-    for name in datasets:
-        if name == GIVEN:
-            looks[name] = {"color": style.BLACK, "linestyle": "-"}
-            continue
+    for place, name in enumerate(datasets):
         looks[name] = {
-            "color": _COLOURS[number % len(_COLOURS)],
-            "linestyle": _LINES[number % len(_LINES)],
+            "color": style.BLACK if name == GIVEN else _COLOURS[number % len(_COLOURS)],
+            "linestyle": "-" if name == GIVEN else _LINES[number % len(_LINES)],
         }
-        number += 1
+        if nested:
+            width = max(WIDEST - NARROWER * place, NARROWEST)
+            looks[name] |= {"linewidth": width, "zorder": 2.0 + 0.01 * place}
+        number += name != GIVEN
     return looks
 
 
@@ -72,30 +80,57 @@ def _parameters_text(dataset):
     return "\n".join(lines)
 
 
+def _mark(k):
+    """How the points of the k-th measured curve of a panel look."""
+    return {"color": style.BLACK, "marker": _MARKERS[k % len(_MARKERS)], "markersize": 3.2,
+            "zorder": _POINTS}  # fmt: skip
+
+
+def _measured_handle(one, look):
+    name = str(one.curve.values).replace("_", " ")
+    return Line2D(
+        [], [], linestyle="none", markerfacecolor="none", label=f"measured: {name}", **look
+    )
+
+
 def _measured(ax, dataset, curves):
-    """Measured points of the tension ``curves`` (numbers) with their bands; legend handles."""
-    markers, handles = "osD^v", []
+    """Measured points of the tension ``curves`` (numbers) with their bands; legend handles.
+
+    Strain counts from the pretension from which it is predicted in their direction.
+    """
+    handles = []
     for k, number in enumerate(curves):
         one = dataset.isel(curve=number)
-        strain = from_si(one.measured_strain.values, PERCENT)
+        strain = from_si(_counted(dataset, one, "strain"), PERCENT)
         force = from_si(one.measured_force_per_width.values, FORCE)
         recovery = one.measured_phase.values.astype(bool)
-        look = {"color": style.BLACK, "marker": markers[k % len(markers)], "markersize": 3.2}
-        band = [from_si(one[f"measured_strain_{end}"].values, PERCENT) for end in ("low", "high")]
+        look = _mark(k)
+        band = [
+            from_si(_counted(dataset, one, f"strain_{end}"), PERCENT) for end in ("low", "high")
+        ]
         if np.isfinite(band[0]).any():
             ax.errorbar(
                 strain, force, xerr=[strain - band[0], band[1] - strain], color=style.BLACK,
-                linestyle="none", linewidth=0.6, capsize=1.5,
+                linestyle="none", linewidth=0.6, capsize=1.5, zorder=_POINTS,
             )  # fmt: skip
-        for part, face in ((~recovery, "white"), (recovery, style.GREY)):
+        for part, face in ((~recovery, "none"), (recovery, style.GREY)):
             ax.plot(strain[part], force[part], linestyle="none", markerfacecolor=face, **look)
-        name = str(one.curve.values).replace("_", " ")
-        handles.append(
-            Line2D(
-                [], [], linestyle="none", markerfacecolor="white", label=f"measured: {name}", **look
-            )
-        )
+        handles.append(_measured_handle(one, look))
     return handles
+
+
+def _counted(dataset, one, quantity):
+    """A measured strain (n,) of the curve ``one``, from the pretension of its direction."""
+    direction = str(one.curve_direction.values)
+    to, own = float(dataset.predicted_pretension.sel(direction=direction)), float(one.pretension)
+    values = one[f"measured_{quantity}"].values
+    if to <= own:
+        return values
+    of = "transverse_strain" if quantity == "transverse_strain" else "strain"
+    loading = one.measured_phase.values == LOADING
+    loading &= np.isfinite(one[f"measured_{of}"].values)
+    force = one.measured_force_per_width.values[loading]
+    return from_pretension(values, zero_at(to, force, one[f"measured_{of}"].values[loading], own))
 
 
 def _curves_of(dataset, direction, test="tension"):
@@ -114,8 +149,13 @@ def _strain_line(ax, dataset, direction, look, fill=True):
         ax.fill_betweenx(force, low, high, color=look["color"], alpha=_BAND, linewidth=0)
 
 
-def _tension_axes(ax, direction):
-    ax.set_xlabel(f"{direction} strain (%)")
+def _strain_label(dataset, direction):
+    zero = from_si(float(dataset.predicted_pretension.sel(direction=direction)), FORCE)
+    return f"{direction} strain" + (f" from {zero:.3g} N/mm (%)" if zero else " (%)")
+
+
+def _tension_axes(ax, dataset, direction):
+    ax.set_xlabel(_strain_label(dataset, direction))
     ax.set_ylabel("force per width (N/mm)")
     ax.set_xlim(left=0.0)
     ax.set_ylim(bottom=0.0)
@@ -151,13 +191,14 @@ def fig30_calibration(datasets):
         _strain_line(ax, dataset, direction, looks[name])
         curves = _curves_of(dataset, direction)
         handles = _measured(ax, dataset, curves)
-        _tension_axes(ax, direction)
+        _tension_axes(ax, dataset, direction)
         ax.xaxis.label.set_visible(number >= len(datasets) - columns)
         ax.yaxis.label.set_visible(number % columns == 0)
         letter(ax, f"({_LETTERS[number]}) {title_of(name)}")
+        covers = dataset.attrs["band_covers"].split(",")[0]
         handles += [
             Line2D([], [], label="model", **looks[name]),
-            Patch(color=looks[name]["color"], alpha=_BAND, label="95 % band of the model"),
+            Patch(color=looks[name]["color"], alpha=_BAND, label=f"band: {covers}"),
         ]
         ax.legend(handles=handles, loc="upper left", fontsize=6.3)
         texts = [_parameters_text(dataset)] if name != GIVEN else []
@@ -179,8 +220,10 @@ def fig30_calibration(datasets):
 def fig31_prediction(datasets):
     """What all calibrations predict, side by side: force and lateral strain, both directions."""
     datasets = ordered(datasets)
-    looks = _looks(datasets)
-    bent = [d for d in datasets.values() if "predicted_moment_per_width" in d]
+    looks = _looks(datasets, nested=True)
+    bent = any("predicted_moment_per_width" in d for d in datasets.values()) or any(
+        len(_curves_of(d, way, "bending")) for d in datasets.values() for way in ("course", "wale")
+    )
     columns = 3 if bent else 2
     fig, axes = style.figure(height_mm=150.0, rows=2, columns=columns)
     first = next(iter(datasets.values()))
@@ -189,29 +232,37 @@ def fig31_prediction(datasets):
         f"Fig. 31  Fabric {fabric_name(first)}, predicted by each choice of parameters: how far they"
         " lie apart",
     )
+    measured = {}
     for row, direction in zip(axes, ("course", "wale"), strict=True):
         at = 0 if direction == "course" else columns
         ax = row[0]
         for name, dataset in datasets.items():
             _strain_line(ax, dataset, direction, looks[name])
         handles = _measured(ax, first, _curves_of(first, direction))
-        _tension_axes(ax, direction)
+        _tension_axes(ax, first, direction)
         fitted = [
             n for n, d in datasets.items()
             if (d.curve_role.values[_curves_of(d, direction)] == "fitted").any()
         ]  # fmt: skip
         letter(ax, f"({_LETTERS[at]}) {direction}: {'fitted' if fitted else 'predicted'}")
-        if handles:
-            ax.legend(handles=handles, fontsize=6.3, loc="upper left")
         _lateral(row[1], datasets, direction, looks)
         letter(row[1], f"({_LETTERS[at + 1]}) {direction}: lateral strain")
         if bent:
-            _bending(row[2], datasets, direction, looks)
+            handles += _bending(row[2], datasets, direction, looks)
             letter(row[2], f"({_LETTERS[at + 2]}) {direction}: bending")
+        measured |= {handle.get_label(): handle for handle in handles}
     fig.legend(
-        handles=[Line2D([], [], label=title_of(name), **looks[name]) for name in datasets],
-        loc="outside lower center", ncols=min(4, len(datasets)), title_fontsize=7,
-        title="Bands: 95 %, from the fit and the numerical error; inputs as given count as known.",
+        handles=[
+            *(Line2D([], [], label=title_of(name), **looks[name]) for name in datasets),
+            *measured.values(),
+        ],
+        loc="outside lower center", ncols=min(5, len(datasets) + len(measured)), title_fontsize=7,
+        title="Bands: " + "; ".join(
+            dict.fromkeys(
+                f"{'as given' if name == GIVEN else 'calibrated'}: {d.attrs['band_covers']}"
+                for name, d in datasets.items()
+            )
+        ) + ".  Inputs as given count as known.",
     )  # fmt: skip
     return fig
 
@@ -225,41 +276,61 @@ def _lateral(ax, datasets, direction, looks):
         ax.plot(strain, across, **looks[name])
         ax.fill_between(strain, low, high, color=looks[name]["color"], alpha=_BAND, linewidth=0)
     first = next(iter(datasets.values()))
-    for number in _curves_of(first, direction):
+    for k, number in enumerate(_curves_of(first, direction)):
         one = first.isel(curve=number)
         ax.plot(
-            from_si(one.measured_strain.values, PERCENT),
-            from_si(one.measured_transverse_strain.values, PERCENT),
-            "o", color=style.BLACK, markersize=3.2, markerfacecolor="white",
+            from_si(_counted(first, one, "strain"), PERCENT),
+            from_si(_counted(first, one, "transverse_strain"), PERCENT),
+            linestyle="none", markerfacecolor="none", **_mark(k),
         )  # fmt: skip
-    ax.set_xlabel(f"{direction} strain (%)")
+    ax.set_xlabel(_strain_label(first, direction))
     ax.set_ylabel("strain across the pull (%)")
     ax.set_xlim(left=0.0)
     ax.grid(True)
 
 
 def _bending(ax, datasets, direction, looks):
-    for name, dataset in datasets.items():
-        if "predicted_moment_per_width" not in dataset:
-            continue
-        one = dataset.sel(direction=direction)
-        curvature = from_si(one.predicted_curvature.values, "per_cm")
-        # N mm per mm of width is N.
-        moment = from_si(one.predicted_moment_per_width.values, "mN")
-        low, high = from_si(one.predicted_moment_per_width_band.values.T, "mN")
-        ax.plot(curvature, moment, **looks[name])
-        ax.fill_between(curvature, low, high, color=looks[name]["color"], alpha=_BAND, linewidth=0)
+    """Moment against curvature; legend handles of what was measured.
+
+    Where a bending test was measured, the model goes through that test and both are the mean of both
+    ways; else the fabric is bent from flat to either side.
+    """
     first = next(iter(datasets.values()))
-    for number in _curves_of(first, direction, "bending"):
-        one = first.isel(curve=number)
+    measured = _curves_of(first, direction, "bending")
+    for name, dataset in datasets.items():
+        lines = []
+        for number in measured:
+            one = dataset.isel(curve=number)
+            ends = (one[f"model_moment_per_width_{end}"].values for end in ("low", "high"))
+            lines.append((one.measured_curvature.values, one.model_moment_per_width.values, *ends))
+        if not len(measured) and "predicted_moment_per_width" in dataset:
+            one = dataset.sel(direction=direction)
+            ends = one.predicted_moment_per_width_band.values.T
+            lines.append(
+                (one.predicted_curvature.values, one.predicted_moment_per_width.values, *ends)
+            )
+        for curvature, *moments in lines:
+            curvature = from_si(curvature, "per_cm")
+            # N mm per mm of width is N.
+            moment, low, high = (from_si(values, "mN") for values in moments)
+            ax.plot(curvature, moment, **looks[name])
+            ax.fill_between(
+                curvature, low, high, color=looks[name]["color"], alpha=_BAND, linewidth=0
+            )
+    handles = []
+    for k, number in enumerate(measured):
+        one, look = first.isel(curve=number), _mark(k)
         ax.plot(
             from_si(one.measured_curvature.values, "per_cm"),
             from_si(one.measured_moment_per_width.values, "mN"),
-            "o", color=style.BLACK, markersize=3.2, markerfacecolor="white",
+            linestyle="none", markerfacecolor="none", **look,
         )  # fmt: skip
+        handles.append(_measured_handle(one, look))
     ax.set_xlabel("curvature (1/cm)")
-    ax.set_ylabel("moment per width from flat (mN)")
+    what = "mean of both ways" if handles else "first bending"
+    ax.set_ylabel(f"moment, {what} (mN)")
     ax.grid(True)
+    return handles
 
 
 def fig32_misfit_profile(datasets):
@@ -275,8 +346,10 @@ def fig32_misfit_profile(datasets):
         f"Fig. 32  Fabric {fabric_name(next(iter(datasets.values())))}: misfit along each calibrated"
         " parameter, the others fitted again",
     )
-    # Far from the fit the misfit is large, which hides where it is small.
-    top = HIGHEST * from_si(max(float(d.fit_misfit) for d in datasets.values()), PERCENT)
+    # Far from the fit the misfit may be large, which hides where it is small.
+    fits = [float(d.fit_misfit) for d in datasets.values()]
+    reached = [*fits, *(np.nanmax(d.profile_misfit.values, initial=0.0) for d in datasets.values())]
+    top = ROOM * from_si(min(HIGHEST * max(fits), max(reached)), PERCENT)
     for number, (ax, parameter) in enumerate(zip(axes.flat, names, strict=False)):
         unit = ""
         for name, dataset in datasets.items():

@@ -5,18 +5,13 @@ import xarray as xr
 
 from knitsim.configuration.measured_checks import config_of, free_of
 from knitsim.configuration.measured_curve import LOADING, read_measured
-from knitsim.configuration.measured_keys import GIVEN, STAGE
+from knitsim.configuration.measured_keys import GIVEN, PARAMETERS, STAGE
 from knitsim.configuration.schema import FABRIC
 from knitsim.equilibrium.bending import TIGHTEST
 from knitsim.errors import ComputationError, InputError
 from knitsim.evaluation.calibrate import FLOOR, Parameter, Problem, fit
-from knitsim.evaluation.calibrate_curves import (
-    Bending,
-    Tension,
-    bending_points,
-    pull_of,
-    tension_points,
-)
+from knitsim.evaluation.calibrate_bending import Bending
+from knitsim.evaluation.calibrate_curves import Tension, pull_of, tension_points
 from knitsim.evaluation.calibrate_states import value_of
 from knitsim.evaluation.predict import Predictor
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
@@ -29,12 +24,7 @@ SPACINGS = ("wale", "course")
 INSIDE = 0.05  # of the range between the bounds, that a fit starts away from them
 ROOM = 0.8  # part of the tightest curvature up to which bending is predicted
 
-# SI units of the parameters, as the store writes them.
-UNITS = {
-    "core_diameter": "m", "core_stiffness": "N m-3", "core_exponent": "1",
-    "compression_stiffness": "N m-1", "friction": "1", "set": "1", "bending_rigidity": "N m2",
-    "diameter": "m", "loop_length": "m",
-}  # fmt: skip
+BANDS = {True: "numerical error only", False: "95 %, fit and numerical error"}  # by GIVEN or not
 KNIT_FORCE = to_si(50.0, "gf_per_cm")
 
 
@@ -55,28 +45,20 @@ def tension_of(name, measured):
     ), keep  # fmt: skip
 
 
-def bending_of(name, measured, points=16):
-    """The evaluation's Bending of a MeasuredBending: mean of both ways, counted from flat."""
-    curvature, moment = measured.curvature, measured.moment_per_width
-    steps, ways = np.diff(curvature), []
-    for moves in (steps > 0.0, steps < 0.0):
-        # A turning point belongs to both ways.
-        own = np.append(moves, False) | np.insert(moves, 0, False)
-        if own.sum() >= 2:
-            order = np.argsort(curvature[own], kind="stable")
-            ways.append((curvature[own][order], moment[own][order]))
-    low, high = max(k[0] for k, _ in ways), min(k[-1] for k, _ in ways)
-    at = np.linspace(low, high, points + 1 - points % 2)
-    mean = np.mean([np.interp(at, *way) for way in ways], axis=0)
-    flat = float(np.interp(0.0, at, mean))
-    away = np.abs(at) > 1e-9 * np.abs(at).max()
-    return Bending(name, measured.direction, at[away], mean[away] - flat)
+def curve_of(name, measured):
+    """The evaluation's Tension or Bending of a MeasuredTension or MeasuredBending."""
+    if measured.test == "bending":
+        return Bending(
+            name, measured.direction, measured.curvature, measured.moment_per_width,
+            cycle=measured.cycle,
+        )  # fmt: skip
+    return tension_of(name, measured)[0]
 
 
 def asked_of(fabric, measured):
     """(forces (n,) N/m, curvatures of one side (m,) 1/m) at which tests are predicted.
 
-    measured: {name: MeasuredTension or MeasuredBending}.
+    measured: {name: MeasuredTension or MeasuredBending}; their pretensions are among the forces.
     """
     wanted = fabric["prediction"] or {}
     top = wanted.get("to_force")
@@ -85,9 +67,19 @@ def asked_of(fabric, measured):
         top = max([KNIT_FORCE, *largest])
     states = wanted.get("states", _default("states"))
     curvature = wanted.get("max_curvature", to_si(_default("max_curvature_per_cm"), "per_cm"))
-    forces = top * np.arange(1, states + 1) / states
+    zero = list(_pretensions(measured).values())
+    forces = np.union1d(top * np.arange(1, states + 1) / states, zero)
     half = max(2, states // 4)
     return forces, curvature * np.arange(1, half + 1) / half if curvature else np.zeros(0)
+
+
+def _pretensions(measured):
+    """{direction: pretension (N/m)} from which its strain is predicted: the largest of its curves."""
+    found = {}
+    for one in measured.values():
+        if one.test == "tension" and one.pretension > found.get(one.direction, 0.0):
+            found[one.direction] = one.pretension
+    return found
 
 
 def _default(key):
@@ -146,10 +138,11 @@ def _fit_dataset(found):
         profiles[:, i, : len(profile.values)] = profile.values, profile.misfit
     for row, quantity in zip(profiles, ("value", "misfit"), strict=True):
         data[f"profile_{quantity}"] = (("parameter", "profile_point"), row)
+    units = np.array([PARAMETERS[name].si for name in names], dtype=object)
     coords = {
         "parameter": np.array(names, dtype=object),
         "other_parameter": np.array(names, dtype=object),
-        "parameter_units": ("parameter", np.array([UNITS[name] for name in names], dtype=object)),
+        "parameter_units": ("parameter", units),
         "bound": ["low", "high"],
         "profile_point": np.arange(points),
     }
@@ -157,7 +150,10 @@ def _fit_dataset(found):
 
 
 def _curve_dataset(measured, curves, models, fitted):
-    """The measured curves beside the model's values at their points; models: {name: (n,) or None}."""
+    """The measured curves beside the model's values at their points.
+
+    models: {name: (value, low, high), (n,) each, or None}; the band of bending tests only.
+    """
     names = list(measured)
     size = max((curves[name].size for name in names), default=0)
     shape = (len(names), size)
@@ -165,6 +161,7 @@ def _curve_dataset(measured, curves, models, fitted):
         "measured_strain", "measured_strain_low", "measured_strain_high",
         "measured_force_per_width", "measured_transverse_strain", "model_strain",
         "measured_curvature", "measured_moment_per_width", "model_moment_per_width",
+        "model_moment_per_width_low", "model_moment_per_width_high",
     )  # fmt: skip
     data = {field: np.full(shape, np.nan) for field in fields}
     phase = np.zeros(shape, dtype=np.int8)
@@ -176,8 +173,8 @@ def _curve_dataset(measured, curves, models, fitted):
         one, own = curves[name], slice(None, curves[name].size)
         model = models[name]
         if isinstance(one, Bending):
-            data["measured_curvature"][k, own] = one.curvature
-            data["measured_moment_per_width"][k, own] = given = one.moment_per_width
+            data["measured_curvature"][k, own] = one.at
+            data["measured_moment_per_width"][k, own] = given = one.change
             field = "model_moment_per_width"
         else:
             data["measured_strain"][k, own] = given = one.strain
@@ -193,7 +190,10 @@ def _curve_dataset(measured, curves, models, fitted):
             field = "model_strain"
         if model is None:
             continue
+        model, *band = model
         data[field][k, own] = model
+        for end, values in zip(("low", "high"), band, strict=False):
+            data[f"{field}_{end}"][k, own] = values
         # Near zero a relative misfit says nothing.
         divisor = np.where(given < 0, -1.0, 1.0) * np.maximum(
             np.abs(given), FLOOR * np.abs(given).max()
@@ -223,27 +223,36 @@ def kept_of(name, measured):
     return np.flatnonzero(tension_of(name, measured)[1])
 
 
-def _prediction_dataset(fabric, predictor, forces, half):
-    """(dataset, notes) of what a Predictor says at rest, in tension and in bending."""
+def _prediction_dataset(fabric, predictor, forces, half, pretensions):
+    """(dataset, notes) of what a Predictor says at rest, in tension and in bending.
+
+    pretensions: {direction: force per width (N/m) from which strain counts}, from rest without.
+    """
     notes = []
     rest = predictor.spacings()
     notes += rest.notes
     spacings = [rest.quantities[f"{name}_spacing"] for name in SPACINGS]
-    # Curves start at rest.
-    at = np.concatenate([[0.0], forces])
-    tension = [predictor.tension(direction, forces) for direction in DIRECTIONS]
+    # Curves start at rest, or at the pretension.
+    at, zero = np.concatenate([[0.0], forces]), [pretensions.get(d, 0.0) for d in DIRECTIONS]
+    tension = [
+        predictor.tension(direction, forces[forces >= start], pretension=start)
+        for direction, start in zip(DIRECTIONS, zero, strict=True)
+    ]
     notes += [
         f"{d} tension: {n}" for d, t in zip(DIRECTIONS, tension, strict=True) for n in t.notes
     ]
 
-    def stacked(outcomes, quantity):
-        found = [outcome.quantities[quantity] for outcome in outcomes]
-        rows = np.stack([np.stack([one.value, one.low, one.high], axis=-1) for one in found])
-        rows = np.concatenate([np.zeros((len(found), 1, 3)), rows], axis=1)
+    def stacked(quantity):
+        rows = np.full((len(DIRECTIONS), len(at), 3), np.nan)
+        for row, outcome, start in zip(rows, tension, zero, strict=True):
+            one = outcome.quantities[quantity]
+            row[at == start] = 0.0
+            row[(at >= start) & (at > 0.0)] = np.stack([one.value, one.low, one.high], axis=-1)
         return rows[..., 0], rows[..., 1:]
 
     data = {
         "predicted_force_per_width": ("state", at),
+        "predicted_pretension": ("direction", zero),
         "predicted_spacing": ("spacing", [float(s.value[0]) for s in spacings]),
         "predicted_spacing_band": (
             ("spacing", "bound"), [[float(s.low[0]), float(s.high[0])] for s in spacings],
@@ -251,7 +260,7 @@ def _prediction_dataset(fabric, predictor, forces, half):
         "stated_spacing": ("spacing", [fabric[f"{name}_spacing"] for name in SPACINGS]),
     }  # fmt: skip
     for quantity in ("strain", "transverse_strain"):
-        value, band = stacked(tension, quantity)
+        value, band = stacked(quantity)
         data[f"predicted_{quantity}"] = (("direction", "state"), value)
         data[f"predicted_{quantity}_band"] = (("direction", "state", "bound"), band)
     limit = tightest(predictor.rest)
@@ -294,14 +303,18 @@ def tightest(relaxed):
     return ROOM * TIGHTEST / half
 
 
-def _model_points(curve, relaxed):
-    """The model's values at a measured curve's points; None, with the reason, where not reached."""
+def _model_points(curve, predictor):
+    """(values, notes): the model's values, and for bending their band, at a measured curve's
+    points; None where they are not reached."""
     try:
         if isinstance(curve, Bending):
-            return bending_points(curve, relaxed), ""
-        return tension_points(curve, pull_of(curve, relaxed, "strain"), "strain"), ""
+            found = predictor.measured_bending(curve)
+            one = found.quantities["moment_change"]
+            return (one.value, one.low, one.high), [f"{curve.name}: {n}" for n in found.notes]
+        pulled = pull_of(curve, predictor.rest, "strain")
+        return (tension_points(curve, pulled, "strain"),), []
     except (ComputationError, InputError) as error:
-        return None, f"{curve.name}: {error}"
+        return None, [f"{curve.name}: {error}"]
 
 
 def run(fabric, laws, name):
@@ -312,10 +325,7 @@ def run(fabric, laws, name):
     """
     timings = Timings(STAGE, fabric.name)
     measured = {key: read_measured(fabric, key) for key in fabric["measured"]}
-    curves = {
-        key: bending_of(key, m) if m.test == "bending" else tension_of(key, m)[0]
-        for key, m in measured.items()
-    }
+    curves = {key: curve_of(key, m) for key, m in measured.items()}
     built = solver_fabric(fabric, laws["continuous"], friction=True)
     found, notes, warnings = None, [], []
     if name == GIVEN:
@@ -329,14 +339,17 @@ def run(fabric, laws, name):
     fitted = () if name == GIVEN else fabric["calibrations"][name]["fit"]
     models = {}
     for key, curve in curves.items():
-        models[key], reason = _model_points(curve, predictor.rest)
-        notes += [reason] if reason else []
+        models[key], more = _model_points(curve, predictor)
+        notes += more
     with timings.measure(f"{name}: prediction of all tests"):
-        predicted, more = _prediction_dataset(fabric, predictor, *asked_of(fabric, measured))
+        predicted, more = _prediction_dataset(
+            fabric, predictor, *asked_of(fabric, measured), _pretensions(measured)
+        )
     dataset = xr.merge(
         [_fit_dataset(found), _curve_dataset(measured, curves, models, fitted), predicted],
         join="exact",
     )
+    dataset.attrs["band_covers"] = BANDS[name == GIVEN]
     dataset.attrs["warnings"] = to_json(warnings)
     dataset.attrs["notes"] = to_json([*notes, *more])
     dataset.attrs["corrections"] = to_json(

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from knitsim.configuration.measured_curve import LOADING, from_pretension, loading_at, zero_at
 from knitsim.configuration.measured_keys import GIVEN
 from knitsim.store.timing import write_csv
 
@@ -14,8 +15,8 @@ CALIBRATION_COLUMNS = (
     "correlated_with", "correlation", "fitted_to", "misfit", "trials", "failed", "says",
 )  # fmt: skip
 PREDICTION_COLUMNS = (
-    "fabric", "calibration", "test", "name", "at", "value", "low", "high", "units", "measured",
-    "misfit", "says",
+    "fabric", "calibration", "test", "name", "at", "value", "low", "high", "band", "units",
+    "measured", "misfit", "says",
 )  # fmt: skip
 # Parts of the largest force at which predictions stand in the table.
 PARTS = (0.1, 0.25, 0.5, 1.0)
@@ -105,14 +106,14 @@ def _curves(dataset):
 
 def prediction_rows(fabric, name, dataset):
     """Rows of PREDICTION_COLUMNS of one calibration."""
-    rows = []
+    rows, band = [], dataset.attrs["band_covers"]
     for k, spacing in enumerate(dataset.spacing.values):
         value, stated = float(dataset.predicted_spacing[k]), float(dataset.stated_spacing[k])
         part = value / stated - 1.0
         low, high = dataset.predicted_spacing_band.values[k]
         rows.append((
             fabric, name, "at rest", f"{spacing} spacing", "", _number(value), _number(low),
-            _number(high), "m", _number(stated), _number(part),
+            _number(high), band, "m", _number(stated), _number(part),
             f"{100 * part:+.3g} % from the stated one",
         ))  # fmt: skip
     for curve, one in _curves(dataset):
@@ -123,24 +124,65 @@ def prediction_rows(fabric, name, dataset):
             says += f"; {100 * float(one.share_in_band):.0f} % of the points in the measured band"
         test = f"{one.curve_test.values} {one.curve_direction.values}"
         rows.append((
-            fabric, name, test, f"misfit of {curve}", "all points", _number(rms), "", "", "1", "",
-            _number(rms), says,
+            fabric, name, test, f"misfit of {curve}", "all points", _number(rms), "", "", "", "1",
+            "", _number(rms), says,
         ))  # fmt: skip
+    for direction, i, quantity, what in _asked(dataset):
+        at = float(dataset.predicted_force_per_width[i])
+        one = dataset.sel(direction=direction)
+        value = float(one[f"predicted_{quantity}"][i])
+        low, high = one[f"predicted_{quantity}_band"].values[i]
+        measured, misfit, says = _beside(one, quantity, at, value)
+        rows.append((
+            fabric, name, f"tension {direction}", what, f"{at:.6g} N/m", _number(value),
+            _number(low), _number(high), band, "1", _number(measured), _number(misfit), says,
+        ))  # fmt: skip
+    return rows
+
+
+def _asked(dataset):
+    """(direction, number of the state, quantity, its name) of each predicted strain in the table."""
     force = dataset.predicted_force_per_width.values
-    for k, direction in enumerate(dataset.direction.values):
+    for direction in dataset.direction.values:
         for part in PARTS:
             i = int(np.abs(force - part * force[-1]).argmin())
-            for quantity, what in (
-                ("predicted_strain", "strain"), ("predicted_transverse_strain", "lateral strain")
-            ):  # fmt: skip
-                value = float(dataset[quantity][k, i])
-                low, high = dataset[f"{quantity}_band"].values[k, i]
-                says = "" if np.isfinite(value) else "not reached by the model"
-                rows.append((
-                    fabric, name, f"tension {direction}", what, f"{force[i]:.6g} N/m",
-                    _number(value), _number(low), _number(high), "1", "", "", says,
-                ))  # fmt: skip
-    return rows
+            for quantity, what in (("strain", "strain"), ("transverse_strain", "lateral strain")):
+                yield str(direction), i, quantity, what
+
+
+def _beside(predicted, quantity, at, value):
+    """(measured value, misfit, words) beside a predicted strain at the force per width ``at`` (N/m).
+
+    Measured curves are read between their points, never beyond; the first number is of a fitted one,
+    if there is any.
+    """
+    pretension = float(predicted.predicted_pretension)
+    if not np.isfinite(value):
+        below = at < pretension
+        return np.nan, np.nan, "below the pretension" if below else "not reached by the model"
+    found = {}
+    for name, one in _curves(predicted):
+        if (str(one.curve_test.values), str(one.curve_direction.values)) != (
+            "tension", str(predicted.direction.values),
+        ):  # fmt: skip
+            continue
+        force, strain = one.measured_force_per_width.values, one[f"measured_{quantity}"].values
+        own = np.isfinite(strain) & (one.measured_phase.values == LOADING)
+        if not own.any():
+            continue
+        force, strain = force[own], strain[own]
+        measured = float(loading_at(at, force, strain))
+        if pretension > float(one.pretension):
+            zero = zero_at(pretension, force, strain, float(one.pretension))
+            measured = from_pretension(measured, zero)
+        if np.isfinite(measured) and measured:
+            fitted = str(one.curve_role.values) == "fitted"
+            found[name] = measured, value / measured - 1.0, fitted
+    if not found:
+        return np.nan, np.nan, ""
+    says = "; ".join(f"{100 * misfit:+.3g} % from {name}" for name, (_, misfit, _) in found.items())
+    measured, misfit, _ = max(found.values(), key=lambda one: one[2])
+    return measured, misfit, says
 
 
 def _sides(one):
@@ -155,24 +197,22 @@ def spread_rows(fabric, datasets):
         return []
     rows = []
     first = next(iter(datasets.values()))
-    force = first.predicted_force_per_width.values
-    for k, direction in enumerate(first.direction.values):
-        for part in PARTS:
-            i = int(np.abs(force - part * force[-1]).argmin())
-            for quantity, what in (
-                ("predicted_strain", "strain"), ("predicted_transverse_strain", "lateral strain")
-            ):  # fmt: skip
-                values = np.array([float(d[quantity][k, i]) for d in datasets.values()])
-                values = values[np.isfinite(values)]
-                if len(values) < 2:
-                    continue
-                middle = float(values.mean())
-                apart = (values.max() - values.min()) / abs(middle) if middle else np.nan
-                rows.append((
-                    fabric, SPREAD, f"tension {direction}", what, f"{force[i]:.6g} N/m",
-                    _number(middle), _number(values.min()), _number(values.max()), "1", "", "",
-                    f"{len(values)} choices of parameters lie {100 * apart:.3g} % of their mean apart",
-                ))  # fmt: skip
+    for direction, i, quantity, what in _asked(first):
+        values = np.array([
+            float(d[f"predicted_{quantity}"].sel(direction=direction)[i]) for d in datasets.values()
+        ])  # fmt: skip
+        values = values[np.isfinite(values)]
+        if len(values) < 2:
+            continue
+        middle = float(values.mean())
+        apart = (values.max() - values.min()) / abs(middle) if middle else np.nan
+        rows.append((
+            fabric, SPREAD, f"tension {direction}", what,
+            f"{float(first.predicted_force_per_width[i]):.6g} N/m", _number(middle),
+            _number(values.min()), _number(values.max()), "least and largest of the choices", "1",
+            "", "",
+            f"{len(values)} choices of parameters lie {100 * apart:.3g} % of their mean apart",
+        ))  # fmt: skip
     return rows
 
 

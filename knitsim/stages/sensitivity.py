@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from knitsim.configuration.measured_checks import meaningless
 from knitsim.configuration.measured_keys import PARAMETERS
 from knitsim.evaluation.calibrate_states import value_of
 from knitsim.evaluation.sensitivity import sensitivity_table, standard_results
-from knitsim.stages.calibration import UNITS
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
 from knitsim.store.timing import Timings, write_csv
@@ -24,21 +24,12 @@ VIOLENT = 5.0  # per cent per per cent
 _RESULT_UNITS = {"spacing": "m", "strain": "1", "B": "N m", "2HB": "N"}
 
 
-def meaningful(yarn, names):
-    """The ``names`` of PARAMETERS that the contact law of a YarnInput knows."""
-    return [
-        name for name in names
-        if not (PARAMETERS[name].needs and yarn[PARAMETERS[name].needs] is None)
-        and not (PARAMETERS[name].excluded_by and yarn[PARAMETERS[name].excluded_by] is not None)
-    ]  # fmt: skip
-
-
 def run(fabric, laws):
     """(dataset, timings) of a FabricInput; laws: TensionLaw of its yarn by form."""
     timings = Timings(STAGE, fabric.name)
     test = fabric.scene[STAGE]
     built = solver_fabric(fabric, laws["continuous"], friction=test["friction"])
-    names = meaningful(fabric.yarn, test["inputs"])
+    names = [name for name in test["inputs"] if not meaningless(fabric.yarn, name)]
     if not test["friction"]:
         names = [name for name in names if name != "friction"]
     force = test["force"]
@@ -47,6 +38,7 @@ def run(fabric, laws):
             built, names, standard_results(force, force), step=test["change"],
             resolution=resolution_of(fabric),
         )  # fmt: skip
+    units = np.array([PARAMETERS[name].si for name in names], dtype=object)
     results = list(dict.fromkeys(row.result for row in rows))
     shape = (len(names), len(results))
 
@@ -63,7 +55,7 @@ def run(fabric, laws):
         },
         {
             "input": np.array(names, dtype=object),
-            "parameter_units": ("input", np.array([UNITS[name] for name in names], dtype=object)),
+            "parameter_units": ("input", units),
             "result": np.array(results, dtype=object),
             "result_units": (
                 "result",
