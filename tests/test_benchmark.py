@@ -204,6 +204,16 @@ def test_growth_leaves_out_what_takes_too_long():
     assert math.isnan(points[2].seconds) and "left out" in points[2].reason
 
 
+def test_a_disturbed_cell_finds_back_to_rest():
+    relaxed = relax(benchmark_fabric.COTTON, Resolution(24, 192, "full"))
+    model, start = benchmark_scaling.disturbed(relaxed)
+    assert start[model.lattice] == pytest.approx(1.001 * relaxed.wale_spacing, rel=1e-12)
+    again = benchmark_scaling.relax_again((model, start))
+    assert again.iterations > 0
+    assert again.wale_spacing == pytest.approx(relaxed.wale_spacing, rel=1e-4)
+    assert again.energy.sum() == pytest.approx(relaxed.energy.sum(), rel=1e-8)
+
+
 def test_memory_of_an_array():
     _, bytes_ = benchmark_scaling.peak_memory(lambda: np.ones(8_000_000).sum())
     if math.isnan(bytes_):

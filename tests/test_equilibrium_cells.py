@@ -15,7 +15,6 @@ from knitsim.equilibrium.sparse_kernels import crossings_in_grid
 from knitsim.equilibrium.stability import lowest_stiffness
 from knitsim.equilibrium.tension import tensile
 from knitsim.errors import InputError
-from knitsim.evaluation.scaling import points_scaling
 from knitsim.yarn.law import paper_k3
 
 COTTON = dict(
@@ -241,14 +240,3 @@ def test_two_by_two_loops_with_friction_are_the_loop_to_the_end(direction, strai
     assert four.stop_reason == ""
     np.testing.assert_allclose(four.force_per_loop, alone.force_per_loop, rtol=5e-3)
     np.testing.assert_allclose(four.dissipated, alone.dissipated, rtol=5e-3)
-
-
-def test_costs_are_of_what_was_asked():
-    fabric = Fabric(**COTTON, friction=0.2)
-    one, fine = points_scaling(fabric, (24, 32), contacts=160, repeats=1)
-    assert (one.points, fine.points, one.loops) == (24, 32, 1)
-    assert one.contacts == fine.contacts == 160
-    assert min(one.relax, one.tension) > 0.0
-    # A disturbed loop has to be moved back, and a path is more than a state.
-    assert one.relax_steps > 0
-    assert one.tension_steps > one.relax_steps

@@ -36,7 +36,7 @@ def rubbing():
 
 
 def test_relaxed_cotton(cotton):
-    # Published feasibility study of the same fabric: w = 1.571 mm, c = 1.008 mm.
+    # A prototype of the model in other code, to the digits given.
     assert cotton.wale_spacing == pytest.approx(1.571e-3, abs=1e-6)
     assert cotton.course_spacing == pytest.approx(1.008e-3, abs=1e-6)
     assert cotton.residual <= SMALL_FORCE
@@ -45,7 +45,7 @@ def test_relaxed_cotton(cotton):
 
 
 def test_forces_of_the_cotton(cotton, course):
-    # The same study, its forces at 40 control points (mN), rounded there to the digits given.
+    # The same prototype, its forces at 40 control points (mN), rounded to the digits given.
     at = np.array([0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.2])
     forces = 1e3 * np.interp(at, course.strain, course.force_per_loop)
     np.testing.assert_allclose(forces, [4.3, 8.8, 13.5, 18.8, 32.7, 58, 170, 458], rtol=0.015)
@@ -158,7 +158,7 @@ def test_friction_loses_energy_and_balances(rubbing):
     assert np.abs(curve.work - stored - curve.dissipated).max() < 5e-3 * work
     first = curve.cycle == 1
     peak = curve.work[first & (curve.phase == 0)].max()
-    # The feasibility study: 56 % lost at friction 0.2, 8 % residual strain to its 2 % step.
+    # The prototype: 56 % lost at friction 0.2, 8 % residual strain to its 2 % step.
     end = np.flatnonzero(first)[-1]
     assert curve.dissipated[end] / peak == pytest.approx(0.56, abs=0.03)
     assert curve.strain[end] == pytest.approx(0.08, abs=0.025)
@@ -191,7 +191,7 @@ def test_set_narrows_the_open_loop():
     for part in (0.0, 0.9):
         state = relax(Fabric(**open_loop, set_fraction=part))
         ratios.append(state.wale_spacing / state.course_spacing)
-    # The feasibility study: 1.72 to 1.32.
+    # The prototype: 1.72 to 1.32.
     assert ratios[0] == pytest.approx(1.72, abs=0.01)
     assert ratios[1] == pytest.approx(1.32, abs=0.03)
 

@@ -115,7 +115,8 @@ TENSION_CURVE = Section(
     "tension_law beside it is compared with it.",
     stage="law",
     keys=(
-        Key("file", "file", "text", "CSV file, relative to the study or to config/.",
+        Key("file", "file", "text", "CSV file, relative to the study or the "
+            "directory above it, else to config/.",
             default=REQUIRED),
         Key("kind", "kind", "choice", "bilinear: softer beyond yield (filament yarn). two_slope: "
             "stiffer beyond the break (spun yarn, the paper's k3).",
@@ -132,7 +133,8 @@ COMPRESSION_CURVE = Section(
     "compression stiffness is calibrated from it.",
     stage="equilibrium",
     keys=(
-        Key("file", "file", "text", "CSV file, relative to the study or to config/.",
+        Key("file", "file", "text", "CSV file, relative to the study or the "
+            "directory above it, else to config/.",
             default=REQUIRED),
     ),
 )

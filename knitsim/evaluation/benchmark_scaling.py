@@ -18,7 +18,7 @@ from knitsim.equilibrium.newton_kernels import (
     pairs_at,
     solve_factored,
 )
-from knitsim.equilibrium.relax import relax
+from knitsim.equilibrium.relax import relax, settle
 from knitsim.equilibrium.tension import tensile
 from knitsim.errors import ComputationError, InputError
 from knitsim.evaluation.benchmark import cpu_time, exponent
@@ -30,6 +30,8 @@ STRAINS = 0.05 * np.arange(1, 11)  # 10 states, along the course
 FIXED_CONTACTS = 640
 CELL = Resolution(24, 192, "full")  # as coarse as a loop can be: one of many
 CELLS = ((1, 1), (2, 1), (2, 2), (4, 2), (4, 4), (8, 4), (8, 8), (10, 10), (14, 14), (20, 20))
+DISTURBED = 1e-3  # relative change of the shape along and across, from which a cell is relaxed
+FEW = (0.02, 0.04)  # strains along the course, of a larger cell
 GROWTH = 3.0  # cost of a task is expected to grow by less than size to this power
 
 
@@ -124,6 +126,25 @@ def grow(growth, repeats=3, most=20.0):
     )
 
 
+def disturbed(relaxed):
+    """(model, unknowns) of a cell a little wider and shorter, in shape and spacings, than at rest.
+
+    Filled with loops at rest a larger cell would have nothing to do.
+    """
+    model, start = relaxed.model, relaxed.y.copy()
+    for axis, factor in ((0, 1.0 + DISTURBED), (1, 1.0 - DISTURBED)):
+        used = model.cell.slot[:, axis]
+        start[used[used >= 0]] *= factor
+        start[model.lattice + 3 * axis] *= factor
+    return model, start
+
+
+def relax_again(cell):
+    """The Relaxed of a :func:`disturbed` cell."""
+    model, start = cell
+    return settle(model, start.copy(), model.free(0, 3))
+
+
 def growths(full):
     """The tasks whose growth is measured; full: more and larger sizes."""
     points = (40, 56, 80, 112, 160, 224, 320) if full else (40, 80, 160)
@@ -152,7 +173,16 @@ def growths(full):
     ]  # fmt: skip
     if full:
         sizes = tuple(wales * courses for wales, courses in CELLS)
-        tasks.append(Growth("relaxing", "loops in the cell", sizes, partial(relax, COTTON), loops))
+        tasks += [
+            Growth(
+                "relaxing a cell disturbed by 0.1 %", "loops in the cell", sizes,
+                relax_again, lambda n: disturbed(relax(COTTON, loops(n))),
+            ),
+            Growth(
+                "2 states of tension", "loops in the cell", sizes,
+                lambda relaxed: tensile(relaxed, "course", FEW), lambda n: relax(COTTON, loops(n)),
+            ),
+        ]  # fmt: skip
     return tasks
 
 

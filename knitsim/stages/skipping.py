@@ -19,8 +19,8 @@ from knitsim.yarn.many_sections import solve_many_sections
 from knitsim.yarn.section import solve_section
 
 COLUMNS = (
-    "scene", "test", "condition", "skipped", "because", "compared", "time_with_s", "time_without_s",
-    "saved_s", "difference", "tolerance", "within_tolerance",
+    "scene", "skipped", "because", "tests", "compared", "time_with_s", "time_without_s", "saved_s",
+    "difference", "tolerance", "within_tolerance",
 )  # fmt: skip
 
 STRAINS = (0.1, 0.2, 0.4, 0.6)  # of the course tension that is solved with and without
@@ -43,16 +43,23 @@ def run(fabrics):
             continue
         seen.add(fabric.scene.name)
         skips = skips_of(fabric.scene)
-        measured = {}
         for what in dict.fromkeys(skip.what for skip in skips):
-            measured[what] = MEASURES[what](fabric)
-        rows += [_row(fabric.scene.name, skip, measured[skip.what]) for skip in skips]
+            own = [skip for skip in skips if skip.what == what]
+            rows.append(_row(fabric.scene.name, own, MEASURES[what](fabric)))
     return rows
 
 
-def _row(scene, skip, measured):
+def _row(scene, skips, measured):
+    """One row; skips: those of the same kind."""
+    tests = {}
+    for skip in skips:
+        tests.setdefault(skip.test, []).append(skip.condition)
+    named = [
+        f"{test} ({', '.join(conditions)})" if any(conditions) else test
+        for test, conditions in tests.items()
+    ]
     return (
-        scene, skip.test, skip.condition, skip.what, skip.because, measured.compared,
+        scene, skips[0].what, skips[0].because, "; ".join(named), measured.compared,
         f"{measured.with_skip:.3g}", f"{measured.without_skip:.3g}", f"{measured.saved:.3g}",
         f"{measured.difference:.2e}", f"{measured.tolerance:g}", "yes" if measured.within else "no",
     )  # fmt: skip
