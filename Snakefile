@@ -18,7 +18,7 @@ include: "workflow/rules/output.smk"
 include: "workflow/rules/verification.smk"
 include: "workflow/rules/campaign.smk"
 include: "workflow/rules/benchmark.smk"
-include: "workflow/rules/stress.smk"
+include: "workflow/rules/skipping.smk"
 
 
 rule all:

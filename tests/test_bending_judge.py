@@ -14,7 +14,7 @@ from knitsim.evaluation.bending_judge import Test, judge_test
 from knitsim.evaluation.bending_judge_energy import BentEnergy, in_space
 from knitsim.evaluation.campaign import Case
 from knitsim.evaluation.judge_energy import Energy, Given, control_of, design
-from knitsim.stages.stress import bending_states, given_of, relaxed_of, tension_states
+from knitsim.stages.judged import bending_states, given_of, relaxed_of, tension_states
 
 LAW = ((0.0, 0.01, 0.07), (0.0, 0.44, 5.84))
 GIVEN = Given(5.56e-3, 0.2793e-3, 5e-9, *LAW, 1000.0, 0.3, 12, 40)

@@ -12,6 +12,7 @@ import pytest
 from scipy.integrate import dblquad, quad
 
 import knitsim.stages.campaign as stage
+import knitsim.stages.judged as judged
 from knitsim.equilibrium.tension import tensile
 from knitsim.errors import ComputationError, InputError
 from knitsim.evaluation import campaign, judge_energy
@@ -494,7 +495,7 @@ def test_stops_failures_and_wrong_results_are_told_apart(monkeypatch):
 
     def outcome(name, replacement):
         with monkeypatch.context() as patch:
-            patch.setattr(stage, name, replacement)
+            patch.setattr(stage if hasattr(stage, name) else judged, name, replacement)
             return stage.run([0])[0][0]
 
     def fails(error):

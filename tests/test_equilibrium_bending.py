@@ -29,8 +29,8 @@ from knitsim.equilibrium.relax import relax
 from knitsim.equilibrium.scene import COUPLE, CYLINDER, Bend, Scene, records
 from knitsim.errors import InputError
 from knitsim.evaluation import stress_bending
+from knitsim.stages.judged import relaxed_of
 from knitsim.stages.kes_table import EDGES, rolls_to
-from knitsim.stages.stress import relaxed_of
 from knitsim.yarn.law import paper_k3
 
 COTTON = dict(

@@ -108,7 +108,10 @@ def test_stored_states_are_those_of_the_test(tested):
     assert (np.abs(dataset.numerical_error.values[0]) < 0.05).all()
     assert json.loads(dataset.attrs["readings"])["set"]["set"] == 0.9
     # Without friction nothing is lost, and the moment does the work that changes the energy.
-    energy, angle = free.energy.sum("term").values, free.curvature.values * free.course_spacing.values
+    energy, angle = (
+        free.energy.sum("term").values,
+        free.curvature.values * free.course_spacing.values,
+    )
     work = integral(angle, free.moment_per_width.values * float(free.wale_spacing[0]))
     assert np.abs(work - (energy - energy[0])).max() < 0.01 * np.abs(work).max()
     assert free.dissipated.values == pytest.approx(0, abs=1e-15)
@@ -120,9 +123,7 @@ def test_stored_states_are_those_of_the_test(tested):
 def test_rigidity_of_the_ledger_is_the_one_that_kes_reads(tested):
     fabric, laws, dataset = tested
     [(_, found)] = kes.bending_of(dataset.sel(variant="free"))
-    relaxed = relax(
-        solver_fabric(fabric, laws["continuous"]), resolution_of(fabric)
-    )
+    relaxed = relax(solver_fabric(fabric, laws["continuous"]), resolution_of(fabric))
     rigidity, curl = bending.rigidity_and_curl(relaxed, "wale")
     assert rigidity == pytest.approx(found["B"].value, rel=2e-3)
     assert curl == pytest.approx(found["M0"].value, rel=1e-6)
@@ -136,9 +137,7 @@ def test_too_tight_cylinders_are_refused_by_their_key(tmp_path, tested):
         made(tmp_path, equilibrium_rest={}, equilibrium_bending={"variants": variants})
     fabric, laws, _ = tested
     choice = {"spacings": "free", "max_curvature": 1700.0}
-    relaxed = relax(
-        solver_fabric(fabric, laws["continuous"]), resolution_of(fabric)
-    )
+    relaxed = relax(solver_fabric(fabric, laws["continuous"]), resolution_of(fabric))
     with pytest.raises(InputError, match=r"variants\.free\.max_curvature_per_cm = 17: .*too thick"):
         bending.bent(fabric, relaxed, "wale", [1700.0], choice, "free")
 

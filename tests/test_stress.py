@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import knitsim.stages.bending_campaign as bent
+import knitsim.stages.judged as judged
 import knitsim.stages.stress as stage
 from knitsim.equilibrium.tension import tensile
 from knitsim.errors import ComputationError, InputError
@@ -130,7 +131,7 @@ def outcome_of(monkeypatch, case, **replacements):
     with monkeypatch.context() as patch:
         patch.setattr(stage.stress, "draw", lambda number, seed: case)
         for name, replacement in replacements.items():
-            patch.setattr(stage, name, replacement)
+            patch.setattr(stage if hasattr(stage, name) else judged, name, replacement)
         rows, times = stage.run([0])
     assert set(rows[0]) == set(stage.COLUMNS)
     assert set(times[0]) == set(stage.TIMES)
@@ -255,7 +256,7 @@ def test_rows_come_back_from_their_files(tmp_path):
     for name, numbers in (("a", (3, 1)), ("b", (2,))):
         lines = ["number,outcome", *(f"{n},verified" for n in numbers)]
         (tmp_path / name).write_text("\n".join(lines) + "\n")
-    rows = stage.gathered([tmp_path / "a", tmp_path / "b"])
+    rows = judged.gathered([tmp_path / "a", tmp_path / "b"])
     assert [row["number"] for row in rows] == ["1", "2", "3"]
 
 

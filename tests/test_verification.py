@@ -173,7 +173,9 @@ def test_file_and_table(tmp_path, verified):
         assert float(row["error"]) == pytest.approx(float(stored.relative_error), rel=1e-2)
         assert float(row["limit"]) == float(stored.error_limit)
         shown = float(row["observed_order"] or "nan")
-        assert shown == pytest.approx(float(stored.observed_order), abs=5.001e-3, nan_ok=True)  # two decimals
+        assert shown == pytest.approx(
+            float(stored.observed_order), abs=5.001e-3, nan_ok=True
+        )  # two decimals
 
 
 def test_two_runs_are_the_same(verified):

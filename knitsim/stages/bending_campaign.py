@@ -1,7 +1,6 @@
 """Random fabrics bent both ways in both directions, each result judged by code of its own.
 
-Outcomes: "verified", all curvatures were reached and the judge found nothing; "stopped", "refused",
-"wrong" as in :mod:`knitsim.stages.stress`.
+Outcomes are those of :mod:`knitsim.stages.judged`; all curvatures must be reached.
 """
 
 import dataclasses
@@ -14,20 +13,22 @@ from knitsim.equilibrium.fabric import Resolution
 from knitsim.evaluation import stress_bending
 from knitsim.evaluation.bending_judge import Test, judge_test
 from knitsim.evaluation.campaign import POINTS, Case
-from knitsim.stages.campaign import exactness, inputs_of
-from knitsim.stages.stress import (
+from knitsim.stages.judged import (
     OUTCOMES,
     REFUSED,
     STOPPED,
     VERIFIED,
     WRONG,
-    Clock,
     bending_states,
+    exactness,
     given_of,
     guarded,
+    inputs_of,
     relaxed_of,
+    rows_of,
 )
 
+CASES = stress_bending.CASES
 LEAST_SOLVED = 0.97  # of the possible cases
 
 _INPUTS = [f.name for f in dataclasses.fields(Case) if not f.name.endswith("e_strain")]
@@ -45,13 +46,7 @@ SUMMARY = ("quantity", "value", "limit")
 
 def run(numbers, seed=stress_bending.SEED):
     """Rows of results (mappings by COLUMNS) and of CPU times (by TIMES, s) of the cases ``numbers``."""
-    rows, times = [], []
-    for number in numbers:
-        case = stress_bending.draw(number, seed)
-        clock = Clock(TIMES[1:])
-        rows.append(_row(case, clock))
-        times.append({"number": number, **clock.row()})
-    return rows, times
+    return rows_of(numbers, lambda number: stress_bending.draw(number, seed), _row, TIMES)
 
 
 def _row(case, clock):

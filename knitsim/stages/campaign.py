@@ -1,9 +1,7 @@
 """Random fabrics through the equilibrium model, each result judged by code of its own.
 
-Outcomes: "reached", the asked strain was reached and the judge found nothing; "stopped", the curve
-ended before with its reason; "refused", InputError or ComputationError with its reason; "wrong", the
-judge found something in what was computed, or the solver failed in another way.  Stopped states are
-judged too, and the judge takes the force to be as exact as the solver's own error estimate says.
+Outcomes are those of :mod:`knitsim.stages.judged`, where "reached" stands for "verified".  The judge
+takes the force to be as exact as the solver's own error estimate says.
 """
 
 import dataclasses
@@ -13,15 +11,25 @@ import numpy as np
 
 from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.tension import tensile
+from knitsim.evaluation.campaign import CASES as CASES
 from knitsim.evaluation.campaign import POINTS, SEED, Case, draw, impossible
 from knitsim.evaluation.judge import States, judge
-from knitsim.stages.stress import REFUSED, STOPPED, WRONG, Clock, given_of, guarded, relaxed_of
+from knitsim.stages.judged import (
+    REFUSED,
+    STOPPED,
+    WRONG,
+    exactness,
+    given_of,
+    guarded,
+    inputs_of,
+    relaxed_of,
+    rows_of,
+)
 
 # Strains of stored states: close together where friction sets in, then this far apart at most.
 FIRST, STORED = (0.0025, 0.005), 0.01
 REACHED = "reached"
 LEAST_REACHED = 0.97  # of the possible cases
-EXACT = 0.05  # estimated error of the load up to which a test counts as exact in the summary
 
 _INPUTS = [f.name for f in dataclasses.fields(Case)]
 _RESULTS = ("outcome", "reached_strain", "yarn_strain", "min_distance", "numerical_error", "reason")
@@ -35,22 +43,7 @@ SUMMARY = ("quantity", "value", "limit")
 
 def run(numbers, seed=SEED):
     """Rows of results (mappings by COLUMNS) and of CPU times (by TIMES, s) of the cases ``numbers``."""
-    rows, times = [], []
-    for number in numbers:
-        case = draw(number, seed)
-        clock = Clock(TIMES[1:])
-        rows.append(_row(case, clock))
-        times.append({"number": number, **clock.row()})
-    return rows, times
-
-
-def inputs_of(case, names, columns, reasons):
-    """Row of a case: its inputs of these names, and why it is impossible; the other columns empty."""
-    row = dict.fromkeys(columns, "")
-    for name in names:
-        value = getattr(case, name)
-        row[name] = " ".join(f"{v:.9g}" for v in value) if isinstance(value, tuple) else value
-    return row | {"possible": "no" if reasons else "yes", "impossible_because": "; ".join(reasons)}
+    return rows_of(numbers, lambda number: draw(number, seed), _row, TIMES)
 
 
 def _row(case, clock):
@@ -157,11 +150,3 @@ def summary(rows):
         title = f"possible cases that reached the asked {direction} strain"
         table += exactness(possible, direction, REACHED, title, "force")
     return table
-
-
-def exactness(possible, direction, outcome, title, load):
-    """Rows (by SUMMARY): how many tests in this direction had the outcome, and how many to EXACT."""
-    done = [row for row in possible if row[f"{direction}_outcome"] == outcome]
-    exact = sum(float(row[f"{direction}_numerical_error"]) <= EXACT for row in done)
-    said = f"of these, with an estimated error of the {load} of {100 * EXACT:g} % at most"
-    return [(title, len(done), ""), (said, exact, "")]

@@ -1,14 +1,10 @@
 """Random and worst-case fabrics through the equilibrium model, each result judged by code of its own.
 
-Outcomes: "verified", all that was asked was reached and the judge found nothing; "stopped", the test
-ended before with its reason; "refused", InputError or ComputationError with its reason; "wrong", the
-judge found something, the solver failed in another way, took an input that no fabric has, or its
-force is further from that at twice the resolution than it says.  Stopped tests are judged too.
+Outcomes are those of :mod:`knitsim.stages.judged`; a result is "wrong" also where the solver took an
+input that no fabric has, or where its force is further from that at twice the resolution than it says.
 """
 
-import csv
 import dataclasses
-import time
 from collections import Counter
 
 import numpy as np
@@ -17,18 +13,27 @@ from knitsim.equilibrium.accuracy import scale_of
 from knitsim.equilibrium.bending import FRICTION_INCREMENT as BENDING_FRICTION_INCREMENT
 from knitsim.equilibrium.bending import INCREMENT as BENDING_INCREMENT
 from knitsim.equilibrium.bending import bend
-from knitsim.equilibrium.fabric import BarrierContact, Fabric, Resolution
-from knitsim.equilibrium.relax import relax
+from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.tension import FRICTION_INCREMENT, tensile
-from knitsim.errors import ComputationError, InputError
 from knitsim.evaluation import stress
-from knitsim.evaluation.bending_judge import UNBALANCED, Test, TestStates, judge_test
+from knitsim.evaluation.bending_judge import UNBALANCED, Test, judge_test
 from knitsim.evaluation.campaign import AT_REST, PEIRCE
 from knitsim.evaluation.judge import FINE_FORCE
-from knitsim.evaluation.judge_energy import Given
-from knitsim.yarn.law import TensionLaw
+from knitsim.stages.judged import (
+    REFUSED,
+    STOPPED,
+    VERIFIED,
+    WRONG,
+    bending_states,
+    given_of,
+    guarded,
+    inputs_of,
+    relaxed_of,
+    rows_of,
+    tension_states,
+)
 
-VERIFIED, STOPPED, REFUSED, WRONG = OUTCOMES = ("verified", "stopped", "refused", "wrong")
+CASES = stress.CASES
 LEAST_SOLVED = 0.98  # of the possible cases
 
 _OF_CASE = [f.name for f in dataclasses.fields(stress.StressCase) if f.name != "fabric"]
@@ -53,91 +58,7 @@ LIMITS = {
 
 def run(numbers, seed=stress.SEED):
     """Rows of results (mappings by COLUMNS) and of CPU times (by TIMES, s) of the cases ``numbers``."""
-    rows, times = [], []
-    for number in numbers:
-        case = stress.draw(number, seed)
-        clock = Clock(TIMES[1:])
-        rows.append(_row(case, clock))
-        times.append({"number": number, **clock.row()})
-    return rows, times
-
-
-class Clock:
-    """CPU time by what it was spent on."""
-
-    def __init__(self, names):
-        self.spent = dict.fromkeys(names, 0.0)
-
-    def time(self, name, call, *args, **more):
-        """What the call gives; its time is added under the name."""
-        start = time.process_time()
-        try:
-            return call(*args, **more)
-        finally:
-            self.spent[name] += time.process_time() - start
-
-    def row(self):
-        """Times so far, four digits."""
-        return {name: f"{spent:.4g}" for name, spent in self.spent.items()}
-
-
-def guarded(call):
-    """(result or None, outcome, reason) of a call to the solver."""
-    try:
-        return call(), VERIFIED, ""
-    except (InputError, ComputationError) as error:
-        return None, REFUSED, f"{type(error).__name__}: {error}"
-    except Exception as error:  # whatever else happens is the solver's fault, and counts so
-        return None, WRONG, f"{type(error).__name__}: {error}"
-
-
-def relaxed_of(fabric, resolution):
-    """The relaxed :class:`campaign.Case` ``fabric``."""
-    law = TensionLaw(fabric.law_strain, fabric.law_tension, fabric.law_strain[-1])
-    return relax(
-        Fabric(
-            fabric.wale_spacing, fabric.course_spacing, fabric.loop_length, fabric.diameter,
-            fabric.bending_rigidity, law, BarrierContact(fabric.contact_stiffness), fabric.friction,
-        ),
-        resolution,
-    )  # fmt: skip
-
-
-def given_of(fabric, relaxed):
-    """What the judge is told of a :class:`campaign.Case` and of how finely it was solved."""
-    cell = relaxed.model.cell
-    return Given(
-        fabric.loop_length, fabric.diameter, fabric.bending_rigidity, fabric.law_strain,
-        fabric.law_tension, fabric.contact_stiffness, fabric.friction, cell.points, cell.contacts,
-    )  # fmt: skip
-
-
-def tension_states(relaxed, curve):
-    """TestStates of a tensile Curve, from the relaxed fabric on."""
-    values = {
-        "centreline": (relaxed.centreline, curve.centreline),
-        "wale_spacing": (relaxed.wale_spacing, curve.wale_spacing),
-        "course_spacing": (relaxed.course_spacing, curve.course_spacing),
-        "coordinate": (0.0, curve.strain),
-        "load": (0.0, curve.force_per_loop),
-        "energy": (relaxed.energy, curve.energy),
-        "work": (0.0, curve.work),
-        "dissipated": (0.0, curve.dissipated),
-        "min_distance": (relaxed.min_distance, curve.min_distance),
-        "numerical_error": (np.nan, curve.numerical_error),
-    }
-    return TestStates(
-        **{name: np.concatenate([np.asarray(a)[None], b]) for name, (a, b) in values.items()}
-    )
-
-
-def bending_states(curve):
-    """TestStates of a BendingCurve."""
-    return TestStates(
-        curve.centreline, curve.wale_spacing, curve.course_spacing, curve.curvature,
-        curve.moment_per_width, curve.energy, curve.work, curve.dissipated, curve.min_distance,
-        curve.numerical_error,
-    )  # fmt: skip
+    return rows_of(numbers, lambda number: stress.draw(number, seed), _row, TIMES)
 
 
 def states_of(case, relaxed, curve):
@@ -146,12 +67,8 @@ def states_of(case, relaxed, curve):
 
 
 def _row(case, clock):
-    reasons = stress.impossible(case)
     row = {name: getattr(case, name) for name in _OF_CASE}
-    for name in _OF_FABRIC:
-        value = getattr(case.fabric, name)
-        row[name] = " ".join(f"{v:.9g}" for v in value) if isinstance(value, tuple) else value
-    row |= {"possible": "no" if reasons else "yes", "impossible_because": "; ".join(reasons)}
+    row |= inputs_of(case.fabric, _OF_FABRIC, (), stress.impossible(case))
     return row | dict.fromkeys(_FOUND, "") | _found(case, clock)
 
 
@@ -269,15 +186,6 @@ def _refined(case, relaxed, curve, load):
         return float(off.max()), np.inf
     worst = int(np.argmax(off - limit))
     return float(off[worst]), float(limit[worst])
-
-
-def gathered(paths):
-    """Rows (mappings, values as text) of the CSV files of all parts, by the number of the case."""
-    rows = []
-    for path in paths:
-        with open(path, newline="", encoding="utf-8") as file:
-            rows += csv.DictReader(file)
-    return sorted(rows, key=lambda row: int(row["number"]))
 
 
 def summary(rows):

@@ -1,21 +1,23 @@
-"""Rule campaign: the results of all random fabrics in one table, and what they come to."""
+"""Rules campaign, bending_campaign, stress: all cases in one table, what they come to, the map."""
 
 from knitsim.stages.job import job
 
 with job(snakemake):
-    import csv
+    from importlib import import_module
+    from pathlib import Path
 
-    from knitsim.stages.campaign import COLUMNS, SUMMARY, TIMES, summary
+    from knitsim.stages.judged import gathered
     from knitsim.store.timing import write_csv
 
-    def read(paths):
-        rows = []
-        for path in paths:
-            with open(path, newline="", encoding="utf-8") as file:
-                rows += csv.DictReader(file)
-        return sorted(rows, key=lambda row: int(row["number"]))
+    stage = import_module(snakemake.params.stage)
+    rows = gathered(snakemake.input.rows)
+    write_csv(snakemake.output.rows, stage.COLUMNS, rows)
+    write_csv(snakemake.output.times, stage.TIMES, gathered(snakemake.input.times))
+    write_csv(snakemake.output.summary, stage.SUMMARY, stage.summary(rows))
+    if "figure" in snakemake.output.keys():
+        from knitsim.figures import style
+        from knitsim.figures.stress import stress_map
 
-    rows = read(snakemake.input.rows)
-    write_csv(snakemake.output.rows, COLUMNS, rows)
-    write_csv(snakemake.output.times, TIMES, read(snakemake.input.times))
-    write_csv(snakemake.output.summary, SUMMARY, summary(rows))
+        with style.context():
+            map_of_cases = stress_map(rows, stage.LIMITS)
+            style.save(map_of_cases, Path(snakemake.output.figure[0]).with_suffix(""))

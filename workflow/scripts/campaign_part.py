@@ -1,12 +1,14 @@
-"""Rule campaign_part: some of the random fabrics, solved and judged."""
+"""One part of a campaign: some of its cases, solved and judged."""
 
 from knitsim.stages.job import job
 
 with job(snakemake):
-    from knitsim.evaluation.campaign import CASES
-    from knitsim.stages.campaign import COLUMNS, TIMES, run
+    from importlib import import_module
+
     from knitsim.store.timing import write_csv
 
-    rows, times = run(range(CASES)[int(snakemake.wildcards.part) :: snakemake.params.parts])
-    write_csv(snakemake.output.rows, COLUMNS, rows)
-    write_csv(snakemake.output.times, TIMES, times)
+    stage = import_module(snakemake.params.stage)
+    part, parts = int(snakemake.wildcards.part), snakemake.params.parts
+    rows, times = stage.run(range(stage.CASES)[part::parts])
+    write_csv(snakemake.output.rows, stage.COLUMNS, rows)
+    write_csv(snakemake.output.times, stage.TIMES, times)
