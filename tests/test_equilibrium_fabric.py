@@ -105,6 +105,26 @@ def test_mirrored_fabric_mirrors_its_result():
     assert curve.force_per_loop[0] > 0.0
 
 
+@pytest.mark.parametrize("friction", [0.0, pytest.param(0.2, marks=pytest.mark.slow)])
+def test_error_of_shear_is_estimated(friction):
+    """To and fro; a state is visited twice with other forces.  Errors over the largest force."""
+    fabric = Fabric(**COTTON, friction=friction)
+    angles = np.deg2rad([4.0, 8.0, 4.0, 0.0, -4.0, -8.0, 0.0])
+    options = {"tension": 10.0}
+    curve = shear(relax(fabric, Resolution(cell="full")), angles, **options, estimate_error=True)
+    fine = relax(fabric, Resolution(96, 1024, cell="full"))
+    exact = shear(fine, angles, **options, increment=0.005)
+    largest = np.abs(exact.force_per_loop).max()
+    floor = 0.01 * largest
+    said = curve.numerical_error * np.maximum(np.abs(curve.force_per_loop), floor)
+    true = np.abs(curve.force_per_loop - exact.force_per_loop)
+    assert np.isfinite(said).all()
+    # The 2 % of force that the method claims with friction; without, the estimate is a bound.
+    assert max(true.max(), said.max()) < 0.02 * largest
+    if friction == 0.0:
+        assert (true <= said).all()
+
+
 def test_refinement_converges_and_the_estimate_bounds_the_error():
     strains = [0.3, 0.6, 0.9, 1.2]
     fabric = Fabric(**COTTON)

@@ -86,13 +86,23 @@ def tensile(
     curve = walk.curve(direction, pulled, base, width)
     if not estimate_error:
         return curve
+
+    def again(start, increment):
+        return tensile(
+            start, direction, strains, lateral=lateral, recovery=recovery, cycles=cycles,
+            to_force=to_force, increment=increment,
+        )  # fmt: skip
+
+    return _with_error(relaxed, curve, again, increment)
+
+
+def _with_error(relaxed, curve, again, increment):
+    """The Curve with its estimated error; again(start, increment) runs the same test."""
     if relaxed.model.fabric.friction == 0.0:
         return curve.replaced(numerical_error=spatial_error(relaxed, curve))
     # With friction the force depends on the way: the whole test again, finer and in coarser steps.
-    again = {"lateral": lateral, "recovery": recovery, "cycles": cycles, "to_force": to_force}
     try:
-        fine = tensile(fine_relaxed(relaxed), direction, strains, increment=increment, **again)
-        coarse = tensile(relaxed, direction, strains, increment=2.0 * increment, **again)
+        fine, coarse = again(fine_relaxed(relaxed), increment), again(relaxed, 2.0 * increment)
         error = increment_error(curve, fine) + increment_error(curve, coarse)
     except ComputationError:
         error = np.full(curve.steps, np.nan)
@@ -124,14 +134,22 @@ def biaxial(relaxed, strains, *, increment=FRICTION_INCREMENT):
     return walk.curve("biaxial", WALE_SPACING, base[0], base[1])
 
 
-def shear(relaxed, angles, *, lateral="free", tension=0.0, increment=FRICTION_INCREMENT):
+def shear(
+    relaxed,
+    angles,
+    *,
+    lateral="free",
+    tension=0.0,
+    increment=FRICTION_INCREMENT,
+    estimate_error=False,
+):
     """Shear the fabric in its plane, courses sliding over each other; a :class:`Curve`.
 
     angles: (rad) in the order visited, e.g. 0 to 8 degrees, to -8, to 0; the course a wale above
     moves by course_spacing tan(angle) of the relaxed state along the course.  lateral: wale spacing
     "free" or "held".  tension: force per width along the wale (N/m), kept throughout; the course
     spacing is free.  force_per_width is the shear force over the relaxed wale spacing.  ``relaxed``
-    must be of the full cell, since shear has no mirror symmetry.
+    must be of the full cell, since shear has no mirror symmetry.  estimate_error: as in tensile.
     """
     angles = np.asarray(angles, dtype=float)
     if angles.ndim != 1 or not angles.size or not (np.abs(angles) < 1.0).all():
@@ -155,9 +173,16 @@ def shear(relaxed, angles, *, lateral="free", tension=0.0, increment=FRICTION_IN
     walk.forward(base * np.tan(angles)[:, None], LOADING, 1, None)
     curve = walk.curve("shear", SHEAR, base, relaxed.wale_spacing)
     rising = np.diff(np.abs(angles[: curve.steps]), prepend=0.0) >= 0.0
-    return curve.replaced(
+    curve = curve.replaced(
         strain=np.arctan(curve.strain + 1.0), phase=np.where(rising, LOADING, RECOVERY)
     )
+    if not estimate_error:
+        return curve
+
+    def again(start, increment):
+        return shear(start, angles, lateral=lateral, tension=tension, increment=increment)
+
+    return _with_error(relaxed, curve, again, increment)
 
 
 def _strains_in(base):

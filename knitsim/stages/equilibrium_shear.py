@@ -25,10 +25,10 @@ def run(fabric, laws):
     law = laws["continuous"]
     built = solver_fabric(fabric, law, friction=test["friction"])
     relaxed = relax(built, resolution_of(fabric, STAGE))
-    with timings.measure("shear"):
+    with timings.measure("shear, with its error estimate"):
         curve = shear(
             relaxed, angles_of(test), tension=test["tension"],
-            increment=settings_of(fabric).increment,
+            increment=settings_of(fabric).increment, estimate_error=True,
         )  # fmt: skip
     dataset = curve_dataset(curve, relaxed, law.breaking_strain, along="shear_angle")
     dataset = dataset.drop_vars("transverse_strain")
