@@ -40,7 +40,7 @@ def timings(path):
         [row["stage"].replace("_", " "), row["subject"], row["name"], f"{1e3 * float(row['value']):.3g} ms",
          f"{float(row['paper_value']) / 60:.0f} min" if row["paper_value"] else ""]
         for row in rows_of(path)
-        if "200 steps" in row["name"] or "states from rest" in row["name"] or row["name"] == "relaxing"
+        if any(words in row["name"] for words in ("200 steps", "states from", "relaxing"))
     ]  # fmt: skip
     return table(["stage", "fabric", "test", "here", "the paper"], rows)
 
