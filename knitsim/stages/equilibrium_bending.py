@@ -11,7 +11,7 @@ from knitsim.equilibrium import tension
 from knitsim.equilibrium.bending import FRICTION_INCREMENT, bend
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation.kes_bending import SLOPE_RANGE
+from knitsim.evaluation.kes_bending import HYSTERESIS_AT, SLOPE_RANGE, bending
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import (
     resolution_of,
@@ -24,10 +24,11 @@ from knitsim.stages.equilibrium import (
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
 from knitsim.store.timing import Timings
-from knitsim.units import from_si
+from knitsim.units import from_si, to_si
 
 STAGE = "equilibrium_bending"
 DIRECTIONS = ("course", "wale")
+KES_LARGEST = to_si(2.5, "per_cm")  # to both sides
 _GAUSS = np.polynomial.legendre.leggauss(2)
 
 
@@ -128,12 +129,28 @@ def rigidity_and_curl(relaxed, direction, spacings="free"):
     return float(slopes.mean()), float(curve.flat_moment)
 
 
+def hysteresis(relaxed, direction):
+    """2HB (N) of a KES bending cycle, to 2.5 per cm; not a number where the path ends early."""
+    out = [HYSTERESIS_AT, KES_LARGEST, HYSTERESIS_AT]
+    curve = bend(relaxed, direction, [0.0, *out, 0.0, *(-k for k in out), 0.0])
+    if curve.stop_reason:
+        return np.nan
+    return bending(curve.curvature, curve.moment_per_width)["2HB"].value
+
+
 def headlines(fabric, direction):
-    """{name: (value, units)} that the ledger follows, without friction and with spacings free."""
+    """{name: (value, units)} that the ledger follows, with spacings free.
+
+    Rigidity and curl without friction; 2HB with it, where a variant has friction.
+    """
     law = ledger_laws(fabric.yarn)["continuous"]
     relaxed = relax(solver_fabric(fabric, law), resolution_of(fabric))
     rigidity, curl = rigidity_and_curl(relaxed, direction)
-    return {"rigidity B": (rigidity, "N m"), "moment that holds it flat": (curl, "N")}
+    found = {"rigidity B": (rigidity, "N m"), "moment that holds it flat": (curl, "N")}
+    if any(choice["friction"] for choice in fabric.scene[STAGE]["variants"].values()):
+        rubbing = _relaxed(fabric, law, {"friction": True, "set": None})
+        found["2HB"] = (hysteresis(rubbing, direction), "N")
+    return found
 
 
 def run(fabric, laws, direction):
