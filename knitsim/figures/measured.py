@@ -192,7 +192,9 @@ def fig30_calibration(datasets):
         curves = _curves_of(dataset, direction)
         handles = _measured(ax, dataset, curves)
         _tension_axes(ax, dataset, direction)
-        ax.xaxis.label.set_visible(number >= len(datasets) - columns)
+        lowest = number >= len(datasets) - columns
+        ax.xaxis.label.set_visible(lowest)
+        ax.xaxis.set_tick_params(labelbottom=lowest)
         ax.yaxis.label.set_visible(number % columns == 0)
         letter(ax, f"({_LETTERS[number]}) {title_of(name)}")
         covers = dataset.attrs["band_covers"].split(",")[0]
