@@ -5,12 +5,15 @@ import math
 import numpy as np
 import pytest
 
+from knitsim.equilibrium import accuracy
 from knitsim.equilibrium.fabric import BarrierContact, Fabric, Resolution
-from knitsim.equilibrium.path_kernels import work_of_increment
+from knitsim.equilibrium.path_kernels import set_free, work_of_increment
 from knitsim.equilibrium.relax import relax
 from knitsim.equilibrium.tension import tensile
+from knitsim.evaluation import stress
 from knitsim.evaluation.campaign import draw
 from knitsim.evaluation.judge import integral
+from knitsim.stages.judged import relaxed_of
 from knitsim.yarn.law import TensionLaw
 
 
@@ -76,3 +79,48 @@ def test_work_is_stored_where_contact_points_make_the_force_waver():
     assert np.abs(curve.work - work).max() < 0.01 * curve.work[-1]
     rises = np.diff(curve.force_per_loop)
     assert rises.max() > 1.1 * rises.min()
+
+
+def test_energy_that_a_snap_sets_free_is_lost():
+    """A limp open fabric, frictionless, that has less energy pulled than at rest: it jumped."""
+    case = stress.draw(4135)
+    relaxed = relaxed_of(case.fabric, Resolution(case.points))
+    strains = case.fabric.wale_strain * np.arange(1, 41) / 40.0
+    curve, fine = (tensile(relaxed, "wale", strains, increment=step) for step in (0.1, 0.001))
+    for one in (curve, fine):
+        stored = one.energy.sum(1) - relaxed.energy.sum()
+        assert stored[-1] < 0.0 < one.force_per_loop.min()
+        assert one.work == pytest.approx(stored + one.dissipated, abs=1e-9 * relaxed.energy.sum())
+        jumps = np.diff(one.dissipated, prepend=0.0)
+        assert (jumps >= 0.0).all() and (jumps > 0.0).sum() == 1
+        # Pulled all the way by a positive force: the work is that of the force.
+        spacing = np.concatenate([[relaxed.course_spacing], one.course_spacing])
+        work = integral(spacing, np.concatenate([[0.0], one.force_per_loop]))[-1]
+        assert one.work[-1] == pytest.approx(work, rel=0.05)
+    assert fine.dissipated[-1] == pytest.approx(curve.dissipated[-1], rel=0.05)
+
+
+def test_a_smooth_path_sets_nothing_free():
+    gain = np.linspace(1.0, 3.0, 5)
+    assert all(set_free(1.0, 3.0, one, 10.0) == 0.0 for one in gain)
+    assert all(set_free(-3.0, -1.0, -one, 10.0) == 0.0 for one in gain)
+    assert set_free(1.0, 3.0, 0.5, 10.0) == pytest.approx(1.5)
+
+
+def test_a_held_fabric_with_friction_is_pushed_until_it_has_no_force():
+    case = stress.draw(1295)  # friction holds it under tension at its first length
+    relaxed = relaxed_of(case.fabric, Resolution(case.points))
+    curve = tensile(relaxed, "course", [0.1, 0.19], lateral="held", recovery=True)
+    at_first = np.flatnonzero(np.abs(curve.strain) < 1e-12)[-1]
+    largest = curve.force_per_loop.max()
+    assert curve.force_per_loop[at_first] > 1e-4 * largest
+    assert curve.stop_reason == ""
+    assert curve.strain[-1] < 0.0
+    assert abs(curve.force_per_loop[-1]) <= 1e-5 * largest
+
+
+def test_where_the_fine_solution_failed_the_error_is_not_known():
+    known, values = np.array([0, 3, 6]), np.array([1.0, 2.0, np.nan])
+    found = accuracy._between(np.arange(7), known, values)
+    assert found[:4].tolist() == [2.0] * 4
+    assert np.isnan(found[4:]).all()

@@ -36,7 +36,7 @@ def spatial_error(relaxed, curve, samples=10):
     """Estimated error of curve.force_per_loop from the cutting into pieces, (steps,).
 
     Relative to max(|force|, 1 % of the largest).  samples: states that are solved again.  Friction
-    is left out on both sides.  NaN where the fine solution failed.
+    is left out on both sides.  NaN where the fine solution failed, and next to that.
     """
     try:
         fine = fine_relaxed(relaxed)
@@ -104,8 +104,11 @@ def force_at(model, y, curve):
 def _between(steps, known, values):
     """At each step the largest of the values known at the two places on either side of it.
 
-    The error from the contact points wavers from state to state, hence two.
+    The error from the contact points wavers from state to state, hence two.  Next to a place where it
+    could not be found it is not known either.
     """
     right = np.clip(np.searchsorted(known, steps), 0, len(known) - 1)
+    left = np.where(known[right] == steps, right, np.maximum(right - 1, 0))
     around = np.clip(right[:, None] + np.arange(-2, 2), 0, len(known) - 1)
-    return np.fmax.reduce(values[around], axis=1)
+    unknown = np.isnan(values[left]) | np.isnan(values[right])
+    return np.where(unknown, np.nan, np.fmax.reduce(values[around], axis=1))

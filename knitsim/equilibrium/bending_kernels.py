@@ -38,6 +38,7 @@ from knitsim.equilibrium.path_kernels import (
     intact,
     loosened,
     resolved,
+    set_free,
     state_type,
     work_of_increment,
 )
@@ -275,7 +276,15 @@ def follow_bending(scene, trace, y, curvatures, bending, control, states, kept):
             moved[0] = angle - here.bend.angle
             energy = work.terms[0] + work.terms[1] + work.terms[2]
             step_work = energy - stored
-            if rubs:
+            if not rubs:
+                low, high = moment[0] * moved[0], after[0] * moved[0]
+                loss = set_free(low, high, step_work, stored)
+                if part > smallest_balanced and loss > 0.0:
+                    part *= 0.5
+                    stale = True
+                    continue
+                step_work += loss
+            else:
                 gain = step_work + loss
                 copy_to(past, passed)
                 step_work = work_of_increment(moment, after, moved, passed)

@@ -35,6 +35,7 @@ SMALLEST = 1.0 / 64.0  # of an asked step
 BALANCED = 0.03  # of an increment's work: what may be neither stored nor lost
 WHOLE_BALANCED = 3e-3  # of all work so far: the same
 SMALLEST_BALANCED = 1.0 / 8.0  # of an asked step: increments are not made smaller for the balance
+SNAP, LEAST_SNAP = 0.1, 1e-7  # of the larger work of both forces, of the energy: see set_free
 LOOSE = 1e2  # tolerance of the passes that only find normal forces, over that of the last
 LEAST_MOVE = 1e-3  # of the largest increment: a step that moves less is rounded as if it moved this
 
@@ -230,6 +231,19 @@ def work_of_increment(force, after, moved, past):
 
 
 @njit
+def set_free(low, high, gain, stored):
+    """Energy (J) that is set free in an increment without friction, where the fabric snaps, else 0.
+
+    low, high: work of the driving forces if they were throughout those before and those after;
+    gain: energy stored less the work of dead loads; stored: energy so far.  On a smooth path the gain
+    lies between the two.  Where it is less by more than a margin, the fabric has jumped to another
+    shape on the way.
+    """
+    least = min(low, high) - SNAP * max(abs(low), abs(high)) - LEAST_SNAP * stored
+    return 0.5 * (low + high) - gain if gain < least else 0.0
+
+
+@njit
 def follow(scene, trace, y, force, targets, march, control, trail):
     """Visit the rows of ``targets`` (states, driven) one after another; y ends at the last state.
 
@@ -288,15 +302,24 @@ def follow(scene, trace, y, force, targets, march, control, trail):
             copy_to(trail.past, past)
             for i in range(n):
                 after[i] = work.gradient[i] + scene.load[i]
-            if march.friction > 0.0:
-                for i in range(n):
-                    moved[i] = 0.0
-                # What is free moves under dead loads only, whose work is exact.
-                held = 0.0
-                for i in march.free:
-                    held += scene.load[i] * (trial[i] - y[i])
-                for i in march.driven:
-                    moved[i] = trial[i] - y[i]
+            # What is free moves under dead loads only, whose work is exact.
+            held = low = high = 0.0
+            for i in range(n):
+                moved[i] = 0.0
+            for i in march.free:
+                held += scene.load[i] * (trial[i] - y[i])
+            for i in march.driven:
+                moved[i] = trial[i] - y[i]
+                low += force[i] * moved[i]
+                high += after[i] * moved[i]
+            if march.friction == 0.0:
+                loss = set_free(low, high, step_work - held, stored)
+                if part > smallest_balanced and loss > 0.0:
+                    part *= 0.5
+                    stale = True
+                    continue
+                step_work += loss
+            else:
                 gain = step_work + loss
                 step_work = held + work_of_increment(force, after, moved, past)
                 # Where the force bends sharply, as where yarns start to slip, it is followed closely.

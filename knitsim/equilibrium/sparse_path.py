@@ -35,6 +35,7 @@ from knitsim.equilibrium.path_kernels import (
     WHOLE_BALANCED,
     bend_predictor,
     resolved,
+    set_free,
     work_of_increment,
 )
 from knitsim.equilibrium.sparse import (
@@ -188,13 +189,20 @@ def sparse_follow(model, scene, y, force, targets, march, trail):
             after, past = inner.gradient + scene.load, trail.past.copy()
             energy = inner.terms.sum()
             step_work = energy - stored
-            if march.friction > 0.0:
-                moved = np.zeros_like(y)
-                moved[driven] = (trial - y)[driven]
+            moved = np.zeros_like(y)
+            moved[driven] = (trial - y)[driven]
+            # What is free moves under dead loads only, whose work is exact.
+            held = scene.load[march.free] @ (trial - y)[march.free]
+            if march.friction == 0.0:
+                loss = set_free(force @ moved, after @ moved, step_work - held, stored)
+                if part > smallest_balanced and loss > 0.0:
+                    part *= 0.5
+                    work.linear = None
+                    continue
+                step_work += loss
+            else:
                 gain = step_work + loss
-                # What is free moves under dead loads only, whose work is exact.
-                step_work = scene.load[march.free] @ (trial - y)[march.free]
-                step_work += work_of_increment(force, after, moved, past)
+                step_work = held + work_of_increment(force, after, moved, past)
                 # Where the force bends sharply, as where yarns start to slip, it is followed closely.
                 most = BALANCED * abs(step_work) + WHOLE_BALANCED * abs(done + step_work)
                 if part > smallest_balanced and abs(step_work - gain) > most:

@@ -29,6 +29,7 @@ FRICTION_INCREMENT = 0.02
 SLIP_ROUNDING = 0.02  # of the step's own length, see March
 LAG_PASSES = 4
 ROUGH = 0.3  # coefficient of friction above which as many more passes are taken: each leaves more
+SHORTER = (-0.01, -0.02, -0.05, -0.1, -0.2)  # strains to which a fabric is pushed to lose its force
 FORCE_TOLERANCE = 1e-6  # relative, where a force is asked for
 
 
@@ -80,7 +81,8 @@ def tensile(
         if not recovery:
             continue
         peak = walk.strain_of(pulled, base)
-        back = np.concatenate([strains[strains < peak - 1e-12][::-1], [0.0]])
+        # Held across, friction may leave it under tension at its first length.
+        back = np.concatenate([strains[strains < peak - 1e-12][::-1], [0.0], SHORTER])
         if not walk.back(base * (1.0 + back)[:, None], cycle):
             break
     curve = walk.curve(direction, pulled, base, width)
@@ -324,16 +326,21 @@ class _Walk:
         return True
 
     def back(self, targets, cycle):
-        """Go back through targets until the force is zero."""
+        """Go back through targets until the force is zero, where it says why not if it never is."""
         for target in targets:
             trail, _, status = self._go(target[None])
             if status != REACHED:
                 self._stop(status, target)
                 return False
-            if trail.force[0, self.entry[0]] <= 0.0:
+            force = trail.force[0, self.entry[0]]
+            zero = FORCE_TOLERANCE * max(abs(row[3][self.entry[0]]) for row in self.rows)
+            if force < -zero:
                 return self._to_force(0.0, target, trail, RECOVERY, cycle)
             self._keep(trail, 1, RECOVERY, cycle)
-        return True
+            if force <= zero:
+                return True
+        self.reason = "shortened to the end of the way back, the fabric is still under tension"
+        return False
 
     def _to_force(self, wanted, target, trail, phase, cycle):
         """The state at a force between the current one and that of ``trail`` (regula falsi)."""

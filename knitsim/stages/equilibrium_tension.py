@@ -53,10 +53,14 @@ def _solve(fabric, law, choice, direction):
     loaded = choice["lateral"] == "loaded"
     conditions = _conditions(fabric, choice)
     back = conditions["recovery"] and not solves_recovery(choice) and not loaded
-    if back:
-        conditions |= {"recovery": False, "cycles": 1}
-    curve = tensile(relaxed, direction, strains, estimate_error=True, **conditions)
-    if back:
+    one_way = conditions | {"recovery": False, "cycles": 1}
+    curve = tensile(
+        relaxed, direction, strains, estimate_error=True, **(one_way if back else conditions)
+    )
+    if back and curve.dissipated.any():
+        # A fabric that snaps comes back by another way.
+        curve = tensile(relaxed, direction, strains, estimate_error=True, **conditions)
+    elif back:
         curve = there_and_back(curve, relaxed, choice["cycles"])
     return relaxed, curve if loaded else from_rest(curve, relaxed)
 

@@ -16,7 +16,7 @@ from knitsim.equilibrium.bending import bend
 from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.tension import FRICTION_INCREMENT, tensile
 from knitsim.evaluation import stress
-from knitsim.evaluation.bending_judge import UNBALANCED, Test, judge_test
+from knitsim.evaluation.bending_judge import SNAPPING, Test, judge_test
 from knitsim.evaluation.campaign import AT_REST, PEIRCE
 from knitsim.evaluation.judge import FINE_FORCE
 from knitsim.stages.judged import (
@@ -104,7 +104,7 @@ def _found(case, clock):
     wrong = clock.time(
         "judging", judge_test, given_of(case.fabric, relaxed), states, test_of(case, curve)
     )
-    if wrong and all(f.check == UNBALANCED for f in wrong) and _snaps(case, relaxed, states):
+    if wrong and all(f.check in SNAPPING for f in wrong) and _snaps(case, relaxed, states):
         found["snaps"], wrong = "yes", []
     wrong = [str(finding) for finding in wrong]
     if case.refined:
@@ -125,12 +125,14 @@ def _found(case, clock):
 def _snaps(case, relaxed, states):
     """Whether the fabric jumps from one shape to another on the way, which sets energy free.
 
-    Then work goes astray in the same amount however small the steps are; an error of the steps falls.
+    Then work goes astray in the same amount however small the steps are (without friction it is what
+    the solver says was lost); an error of the steps falls.
     """
     finer, _, _ = guarded(lambda: states_of(case, relaxed, tested(case, relaxed, finer=4)))
     if finer is None or len(finer.work) != len(states.work):
         return False
-    lost = [np.diff(s.work - s.energy.sum(axis=1) - s.dissipated) for s in (states, finer)]
+    rubbed = 1.0 if case.fabric.friction > 0.0 else 0.0
+    lost = [np.diff(s.work - s.energy.sum(axis=1) - rubbed * s.dissipated) for s in (states, finer)]
     jump = int(np.argmax(lost[0]))
     return bool(0.8 * lost[0][jump] < lost[1][jump] and lost[0][jump] > 0.8 * lost[0].sum() > 0.0)
 
