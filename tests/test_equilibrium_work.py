@@ -101,10 +101,14 @@ def test_energy_that_a_snap_sets_free_is_lost():
 
 
 def test_a_smooth_path_sets_nothing_free():
-    gain = np.linspace(1.0, 3.0, 5)
-    assert all(set_free(1.0, 3.0, one, 10.0) == 0.0 for one in gain)
-    assert all(set_free(-3.0, -1.0, -one, 10.0) == 0.0 for one in gain)
+    # Forces 1 to 3 over a unit length: a line, an exponential, a root, and a pole in a short step.
+    gains = [(1.0, 3.0, 2.0), (1.0, 3.0, 2.0 / np.log(3.0)), (1.0, 3.0, 26.0 / 12.0)]
+    gains.append((1.0, 1.5, np.log(1.5) / (1.0 - 1.0 / 1.5)))
+    for low, high, gain in gains:
+        assert set_free(low, high, gain, 10.0) == 0.0
+        assert set_free(-high, -low, -gain, 10.0) == 0.0
     assert set_free(1.0, 3.0, 0.5, 10.0) == pytest.approx(1.5)
+    assert set_free(-3.0, -1.0, -3.5, 10.0) == pytest.approx(1.5)
 
 
 def test_a_held_fabric_with_friction_is_pushed_until_it_has_no_force():

@@ -35,7 +35,7 @@ SMALLEST = 1.0 / 64.0  # of an asked step
 BALANCED = 0.03  # of an increment's work: what may be neither stored nor lost
 WHOLE_BALANCED = 3e-3  # of all work so far: the same
 SMALLEST_BALANCED = 1.0 / 8.0  # of an asked step: increments are not made smaller for the balance
-SNAP, LEAST_SNAP = 0.1, 1e-7  # of the larger work of both forces, of the energy: see set_free
+SNAP, LEAST_SNAP = 0.05, 1e-7  # of the larger work of both forces, of the energy: see set_free
 LOOSE = 1e2  # tolerance of the passes that only find normal forces, over that of the last
 LEAST_MOVE = 1e-3  # of the largest increment: a step that moves less is rounded as if it moved this
 
@@ -236,10 +236,14 @@ def set_free(low, high, gain, stored):
 
     low, high: work of the driving forces if they were throughout those before and those after;
     gain: energy stored less the work of dead loads; stored: energy so far.  On a smooth path the gain
-    lies between the two.  Where it is less by more than a margin, the fabric has jumped to another
-    shape on the way.
+    lies between the two; of forces that grow it is their geometric mean if they grow exponentially,
+    and hardly less in short steps.  Where it is less by more than a margin, the fabric has jumped to
+    another shape on the way.
     """
-    least = min(low, high) - SNAP * max(abs(low), abs(high)) - LEAST_SNAP * stored
+    least = min(low, high)
+    if least > 0.0:
+        least = math.sqrt(low * high)
+    least -= SNAP * max(abs(low), abs(high)) + LEAST_SNAP * stored
     return 0.5 * (low + high) - gain if gain < least else 0.0
 
 

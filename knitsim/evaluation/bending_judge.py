@@ -232,17 +232,18 @@ class _Judge:
             if not abs(on_points[worst]) <= limit[worst]:
                 value, bound = abs(on_points[worst]), limit[worst]
                 yield Finding("a control point is not in equilibrium", int(i), value, bound)
-            yield from self._spacings(i, on_lattice, slack, by_curvature, loose)
+            yield from self._spacings(i, on_points, on_lattice, slack, by_curvature, loose)
         largest = np.abs(self.load).max()
         if self.test.unloads and not abs(self.load[-1]) <= UNLOADED * largest:
             last = len(self.load) - 1
             yield Finding("the test does not end at zero force", last, self.load[-1], UNLOADED)
 
-    def _spacings(self, i, on_lattice, slack, by_curvature, loose):
+    def _spacings(self, i, on_points, on_lattice, slack, by_curvature, loose):
         """Forces on free spacings, force on the pulled one, moment.
 
-        by_curvature: derivative of a loop's energy by the curvature (J m); slack, loose: what friction
-        and round-off may add to the derivatives by the spacings and by the curvature.
+        on_points, on_lattice: derivatives of a loop's energy (N); by_curvature: that by the curvature
+        (J m); slack, loose: what friction and round-off may add to the derivatives by the spacings and
+        by the curvature.
         """
         pulled, shape = self.pulled, self.shapes[i]
         held, known = np.zeros(2), [self.test.free or i == 0] * 2
@@ -253,6 +254,7 @@ class _Judge:
             held[pulled] = shape.curvature / width * by_curvature
             slack[pulled] += abs(shape.curvature) / width * loose
             off, bound = abs(by_curvature / width - self.load[i]), exact + loose / width
+            bound += self._by_residual(i, on_points, held - on_lattice)
             if not off <= bound:
                 yield Finding("moment is not the slope of the energy", int(i), off, bound)
         else:
@@ -263,6 +265,20 @@ class _Judge:
         ):
             if judged and not off <= bound:
                 yield Finding(f"force on the {name} spacing is wrong", int(i), off, bound)
+
+    def _by_residual(self, i, on_points, on_spacings):
+        """What the forces left in the state i add to its moment (N m) on the way to the next state.
+
+        The moment of equilibrium is the slope of the least energy by the angle.  The slope at this
+        very shape misses it by the forces left times how all that is free moves with the angle; both
+        are measured, the forces up to the noise.  With friction, what is left may be friction.
+        """
+        apart = np.where(self.along == self.along[i], np.inf, np.abs(self.along - self.along[i]))
+        k = int(np.argmin(apart))
+        one, two = self.shapes[i], self.shapes[k]
+        left = np.minimum(np.abs(on_points), self.noise) * np.abs(one.control - two.control)
+        slack = np.minimum(np.abs(on_spacings), self.noise) * np.abs(one.lattice - two.lattice)
+        return (left.sum() + slack.sum()) / apart[k]
 
     def _balance(self, stored):
         """Work reported, against what the shapes store and what is reported lost."""
@@ -314,11 +330,11 @@ class _Judge:
             sharply = self._sharply(i)
             # What the residual does on the way, and round-off of energies that hardly differ.
             noise = self.noise * self._moved(i, i - 1) + SAME * SAME * stored[i]
-            doubt = BEND * self._change(i) + WHOLE * np.abs(s.work).max() + noise
+            doubt = WHOLE * np.abs(s.work).max() + noise
             gain = stored[i] - stored[i - 1]
             # Near zero force little work is done, and what is stored goes into friction.
-            off, limit = abs(work - gain - lost), doubt
-            limit += PAIR[self.rubs] * max(abs(work), abs(gain), lost)
+            off, bent = self._astray(work - gain - lost, i, close)
+            limit = bent + doubt + PAIR[self.rubs] * max(abs(work), abs(gain), lost)
             if not (sharply or off <= limit):
                 yield Finding("load is not the slope of the energy", i, off, limit)
             if self.given.friction > 0.0:
@@ -334,11 +350,30 @@ class _Judge:
                 # The mean load is off by the mean of what both are said to be off by.
                 ends = slice(i - 1, i + 1)
                 scale = np.maximum(np.abs(load[ends]), 0.01 * np.abs(load).max()) * abs(step)
-                off = abs(work - gain - lost)
-                limit = np.mean(np.fmax(FINE_FORCE, s.numerical_error[ends]) * scale) + doubt
+                off, bent = self._astray(work - gain - lost, i, close)
+                said = np.mean(np.fmax(FINE_FORCE, s.numerical_error[ends]) * scale)
+                limit = said + bent + doubt
                 if not off <= limit:
                     check = "load is not the slope of the energy, finer integrals"
                     yield Finding(check, i, off, limit)
+
+    def _astray(self, off, i, close):
+        """Size of ``off``, work by the chord less work, and what the bend of the load may do to it (J).
+
+        Where a state before is close too, the load is known to set out between the slope there and its
+        own chord, and to go on one way: to its side of the chord, the bend may do as much.
+        """
+        change = self._change(i)
+        bent = BEND * change
+        if i - 1 in close:
+            there = slice(i - 2, i + 1)
+            before, here = np.diff(self.load[there]) / np.diff(self.along[there])
+            steep = max(abs(before), abs(here))
+            flat = max(np.copysign(min(abs(before), abs(here)), before * here), 0.0)
+            # Of a load that falls steeply first, the chord is above it, and so on.
+            if steep > 0.0 and off * (here - before) > 0.0:
+                bent = max(bent, 0.5 * (1.0 - flat / steep) * change)
+        return abs(off), bent
 
     def _moved(self, i, since):
         """Lengths (m) that all control points move between two states, added up."""

@@ -3,7 +3,7 @@
 Shares nothing with the solver, like :mod:`judge_energy`, whose formulation it carries over: the same
 yarn in the same lattice, but the fabric point (x, y, z), x along the bent direction, lies at the angle
 kappa x of a cylinder about the other direction, at the radius 1/kappa + z.  Positions are taken in
-space and derivatives numerically (complex step, differences), not by the chain rule.  A curvature of
+space and derivatives numerically (complex step), not by the chain rule.  A curvature of
 zero is the flat fabric, so that tension is judged by the same code.
 """
 
@@ -15,7 +15,6 @@ from scipy.spatial import cKDTree
 from knitsim.evaluation.judge_energy import NEIGHBOURS, REACH, Energy, law_energy, size_of
 
 _STEP = 1e-30  # of complex derivatives: exact to round-off, whatever the unit
-_TURN = 1e-7  # step of the angle over a diameter, for differences by the curvature
 
 
 def in_space(x, y, z, curvature):
@@ -223,19 +222,20 @@ class BentEnergy(Energy):
         return ends
 
     def moment(self, shape):
-        """Derivative of a loop's energy by the curvature (J m), by central differences.
+        """Derivative of a loop's energy by the curvature (J m).
 
         Control points and lattice, in the fabric's own coordinates, stay as they are.
         """
-        step = _TURN / self.given.diameter
-        ends = []
-        for curvature in (shape.curvature + step, shape.curvature - step):
-            stretch, bend = self._yarn_energies(self._local(shape), curvature)
-            gap = self._gaps(shape.points, shape.i, shape.k, shape.image, shape.lattice, curvature)
-            # Beyond a diameter nothing touches, and no pair comes closer by so small a step.
-            distance = np.minimum(size_of(gap), self.given.diameter)
-            ends.append(self.weight @ (stretch + bend) + self.barrier(distance)[0].sum())
-        return (ends[0] - ends[1]) / (2.0 * step)
+        stretch, bend = self._yarn_energies(self._local(shape), shape.curvature + 1j * _STEP)
+        pull = -self.barrier(shape.distance)[1] / shape.distance
+        touching = pull @ (shape.gap * self._turned(shape)).sum(1)
+        return self.weight @ (stretch + bend).imag / _STEP + touching
+
+    def _turned(self, shape):
+        """Derivatives (pairs, 3) of the gaps by the curvature (m2)."""
+        curvature = shape.curvature + 1j * _STEP
+        pairs = shape.points, shape.i, shape.k, shape.image, shape.lattice
+        return self._gaps(*pairs, curvature).imag / _STEP
 
     # ------------------------------------------------------------ friction
 
@@ -261,9 +261,6 @@ class BentEnergy(Energy):
         on_lattice = np.array(
             [np.abs(turns) @ worst[:, 0], np.abs(shape.image[:, 1]) @ worst[:, 1]]
         )
-        step = _TURN / self.given.diameter
-        pairs = shape.points, shape.i, shape.k, shape.image, shape.lattice
-        slope = self._gaps(*pairs, shape.curvature + step)
-        slope -= self._gaps(*pairs, shape.curvature - step)
+        slope = self._turned(shape)
         slope -= (slope * normal).sum(1)[:, None] * normal
-        return np.abs(self.place).T @ at, on_lattice, rub @ size_of(slope) / (2.0 * step)
+        return np.abs(self.place).T @ at, on_lattice, rub @ size_of(slope)
