@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from knitsim.equilibrium.bending import bend
+from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.tension import tensile
 from knitsim.evaluation import bending_judge, bending_judge_energy, stress, stress_bending
 from knitsim.evaluation.bending_judge import Test, judge_test
 from knitsim.evaluation.bending_judge_energy import BentEnergy, in_space
 from knitsim.evaluation.campaign import Case
 from knitsim.evaluation.judge_energy import Energy, Given, control_of, design
+from knitsim.stages import stress as stress_stage
 from knitsim.stages.judged import bending_states, given_of, relaxed_of, tension_states
 
 LAW = ((0.0, 0.01, 0.07), (0.0, 0.44, 5.84))
@@ -150,6 +152,11 @@ def test_gradient_and_moment_are_slopes_of_the_energy(rough, bent):
     slope = total(control, width, height, 350.01) - total(control, width, height, 349.99)
     assert energy.moment(energy.shape(control, width, height, 350.0)) == pytest.approx(
         slope / 0.02, rel=1e-5
+    )
+    slope = total(control, width, height, 0.1) - total(control, width, height, -0.1)
+    assert abs(slope) > 0.0
+    assert energy.moment(energy.shape(control, width, height)) == pytest.approx(
+        slope / 0.2, rel=1e-5
     )
 
 
@@ -313,3 +320,40 @@ def test_a_load_that_finer_integrals_do_not_bear_out(result):
     assert "finer integrals" in found(given, states, test, load=more, numerical_error=said)
     known = np.full(len(states.load), 0.5)
     assert "finer integrals" not in found(given, states, test, load=more, numerical_error=known)
+
+
+# ---------------------------------------------------------------- what the judge itself cannot read better
+
+
+@pytest.mark.parametrize("number", [45, 3537])
+def test_what_is_left_of_equilibrium_is_no_wrong_moment(number):
+    """A moment 1/200 of that at rest, which what is left of the forces shifts by 1 %; a yarn so stiff
+    that round-off of its energy must not pass for a force on a spacing.  5 % off is found in both."""
+    case = stress.draw(number, 20251)
+    relaxed = relaxed_of(case.fabric, Resolution(case.points, case.contacts))
+    curve = stress_stage.tested(case, relaxed)
+    states, test = stress_stage.states_of(case, relaxed, curve), stress_stage.test_of(case, curve)
+    given = given_of(case.fabric, relaxed)
+    assert judge_test(given, states, test) == []
+    for share in (0.95, 1.05):
+        load = states.load.copy()
+        load[-1] *= share
+        assert "moment is not the slope" in found(given, states, test, load=load)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("steep_first", [True, False])
+def test_bend_of_a_load_between_close_states(sign, steep_first):
+    """The chord of an exponential misses no more than is read from the interval before."""
+    judge = object.__new__(bending_judge._Judge)
+    judge.along = sign * np.array([0.0, 0.3, 1.0])
+    rate = (-6.0 if steep_first else 6.0) * sign
+    judge.load = np.exp(rate * judge.along)
+    ends = np.exp(rate * judge.along[1:]) / rate
+    off = 0.5 * judge.load[1:].sum() * sign * 0.7 - (ends[1] - ends[0])
+    change = judge._change(2)
+    size, bent = judge._astray(off, 2, [1, 2])
+    assert bending_judge.BEND * change < size < bent < 0.5 * change
+    # On the other side of the chord, and where the state before is far, the bend explains no more.
+    for other in (judge._astray(-off, 2, [1, 2]), judge._astray(off, 2, [2])):
+        assert other == (size, bending_judge.BEND * change)
