@@ -254,7 +254,7 @@ class _Judge:
             held[pulled] = shape.curvature / width * by_curvature
             slack[pulled] += abs(shape.curvature) / width * loose
             off, bound = abs(by_curvature / width - self.load[i]), exact + loose / width
-            bound += self._by_residual(i, on_points, held - on_lattice)
+            bound += self._by_residual(i, on_points, on_lattice - held)
             if not off <= bound:
                 yield Finding("moment is not the slope of the energy", int(i), off, bound)
         else:
@@ -267,7 +267,7 @@ class _Judge:
                 yield Finding(f"force on the {name} spacing is wrong", int(i), off, bound)
 
     def _by_residual(self, i, on_points, on_spacings):
-        """What the forces left in the state i add to its moment (N m) on the way to the next state.
+        """What the forces left in the state i add to its moment (N m), the way that to the nearest state.
 
         The moment of equilibrium is the slope of the least energy by the angle.  The slope at this
         very shape misses it by the forces left times how all that is free moves with the angle; both
@@ -276,9 +276,9 @@ class _Judge:
         apart = np.where(self.along == self.along[i], np.inf, np.abs(self.along - self.along[i]))
         k = int(np.argmin(apart))
         one, two = self.shapes[i], self.shapes[k]
-        left = np.minimum(np.abs(on_points), self.noise) * np.abs(one.control - two.control)
-        slack = np.minimum(np.abs(on_spacings), self.noise) * np.abs(one.lattice - two.lattice)
-        return (left.sum() + slack.sum()) / apart[k]
+        work = np.clip(on_points, -self.noise, self.noise) * (two.control - one.control)
+        slack = np.clip(on_spacings, -self.noise, self.noise) * (two.lattice - one.lattice)
+        return abs(work.sum() + slack.sum()) / apart[k]
 
     def _balance(self, stored):
         """Work reported, against what the shapes store and what is reported lost."""
