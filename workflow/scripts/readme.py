@@ -64,6 +64,20 @@ def bought(path):
     return table(["test", "error of", *columns], body)
 
 
+def compared(path):
+    """This solver and PyElastica on the scenes that both can do, if the full benchmark was run."""
+    if not path.exists():
+        return None
+    body = []
+    for row in rows_of(path):
+        if not row["target"]:
+            continue
+        time = f"{1e3 * float(row['seconds']):.3g} ms" if row["seconds"] else ""
+        body.append([row["scene"], row["solver"], row["target"], time or row["settings"],
+                     short(row["times_slower"])])  # fmt: skip
+    return table(["scene", "solver", "relative error", "CPU time", "times slower"], body)
+
+
 def campaigns(folder):
     """The summaries of those campaigns that were run."""
     rows = [
@@ -88,6 +102,7 @@ for name, content in (
     ("timings", timings(results / "timing.csv")),
     ("benchmark", bought(results.parent / "benchmark/error_bought.csv")),
     ("campaigns", campaigns(results)),
+    ("comparison", compared(results.parent / "benchmark/full/comparison.csv")),
 ):
     if content is None:  # keep what an earlier run has left
         continue
