@@ -13,6 +13,7 @@ from knitsim.configuration.study import load_study
 from knitsim.equilibrium.bending import bend
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
+from knitsim.evaluation import rigidity as short
 from knitsim.evaluation.judge import integral
 from knitsim.evaluation.kes_bending import bending as evaluate
 from knitsim.loop.repeat import rolled
@@ -129,14 +130,14 @@ def test_hysteresis_of_the_ledger_is_that_of_a_cycle_of_many_states(tested):
     path = bending.curvatures_of({"max_curvature": 250.0, "states": 10, "cycles": 1})
     cycle = bend(relaxed, "wale", path)
     read = evaluate(cycle.curvature, cycle.moment_per_width)["2HB"].value
-    assert 0.0 < bending.hysteresis(relaxed, "wale") == pytest.approx(read, rel=1e-2)
+    assert 0.0 < short.hysteresis(relaxed, "wale") == pytest.approx(read, rel=1e-2)
 
 
 def test_rigidity_of_the_ledger_is_the_one_that_kes_reads(tested):
     fabric, laws, dataset = tested
     [(_, found)] = kes.bending_of(dataset.sel(variant="free"))
     relaxed = relax(solver_fabric(fabric, laws["continuous"]), resolution_of(fabric))
-    rigidity, curl = bending.rigidity_and_curl(relaxed, "wale")
+    rigidity, curl = short.rigidity_and_curl(relaxed, "wale")
     assert rigidity == pytest.approx(found["B"].value, rel=2e-3)
     assert curl == pytest.approx(found["M0"].value, rel=1e-6)
     assert dataset.headline.values == pytest.approx([rigidity, curl])
@@ -252,14 +253,14 @@ def test_curl_table_names_side_and_curvature(tmp_path):
 def test_affine_rigidity_is_that_of_straight_rods():
     w, c, rigidity = 1.6e-3, 1.1e-3, 5e-9
     along = np.linspace([0, 0, 0], [w, 0, 0], 7)
-    assert yarn_to_fabric.affine_rigidity(along, rigidity, w, c) == pytest.approx([5e-9 / c, 0])
+    assert short.affine_rigidity(along, rigidity, w, c) == pytest.approx([5e-9 / c, 0])
     up, down = np.linspace([0, 0, 0], [0, c, 0], 5), np.linspace([0, c, 0], [0, 0, 0], 5)
     legs = np.concatenate([up, down[1:]])
-    found = yarn_to_fabric.affine_rigidity(legs, rigidity, w, c)
+    found = short.affine_rigidity(legs, rigidity, w, c)
     assert found == pytest.approx([0, 2 * 5e-9 / w])
     slanted = np.linspace([0, 0, 0], [w, w, 0], 9)
     expected = 5e-9 / (w * c) * np.sqrt(2) * w * np.cos(np.pi / 4) ** 4
-    found = yarn_to_fabric.affine_rigidity(slanted, rigidity, w, c)
+    found = short.affine_rigidity(slanted, rigidity, w, c)
     assert found == pytest.approx([expected, expected])
 
 
@@ -291,6 +292,6 @@ def test_yarn_to_fabric_changes_one_thing_at_a_time(tmp_path):
 
 def test_a_path_that_ends_early_has_no_rigidity(monkeypatch):
     curve = SimpleNamespace(stop_reason="stopped", flat_moment=0.5, moment_per_width=np.zeros(2))
-    monkeypatch.setattr(bending, "bend", lambda *args, **options: curve)
-    rigidity, curl = bending.rigidity_and_curl(None, "wale")
+    monkeypatch.setattr(short, "bend", lambda *args, **options: curve)
+    rigidity, curl = short.rigidity_and_curl(None, "wale")
     assert np.isnan(rigidity) and curl == 0.5

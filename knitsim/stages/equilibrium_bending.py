@@ -11,7 +11,7 @@ from knitsim.equilibrium import tension
 from knitsim.equilibrium.bending import FRICTION_INCREMENT, bend
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation.kes_bending import HYSTERESIS_AT, SLOPE_RANGE, bending
+from knitsim.evaluation.rigidity import hysteresis, rigidity_and_curl
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import (
     resolution_of,
@@ -24,11 +24,10 @@ from knitsim.stages.equilibrium import (
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
 from knitsim.store.timing import Timings
-from knitsim.units import from_si, to_si
+from knitsim.units import from_si
 
 STAGE = "equilibrium_bending"
 DIRECTIONS = ("course", "wale")
-KES_LARGEST = to_si(2.5, "per_cm")  # to both sides
 _GAUSS = np.polynomial.legendre.leggauss(2)
 
 
@@ -112,30 +111,6 @@ def bent(fabric, relaxed, direction, curvatures, choice, variant, **options):
             f"{curve.stop_reason}"
         )
     return curve
-
-
-def rigidity_and_curl(relaxed, direction, spacings="free"):
-    """(B in N m, moment that holds the fabric flat in N) without friction.
-
-    B: mean slope of the moment per width from 0.5 to 1.5 per cm, mean of both sides, as KES reads it.
-    Not a number where the path ends early.
-    """
-    low, high = SLOPE_RANGE
-    curve = bend(relaxed, direction, [low, high, 0.0, -low, -high], spacings=spacings)
-    if curve.stop_reason:
-        return np.nan, float(curve.flat_moment)
-    moment = curve.moment_per_width
-    slopes = np.array([moment[1] - moment[0], moment[3] - moment[4]]) / (high - low)
-    return float(slopes.mean()), float(curve.flat_moment)
-
-
-def hysteresis(relaxed, direction):
-    """2HB (N) of a KES bending cycle, to 2.5 per cm; not a number where the path ends early."""
-    out = [HYSTERESIS_AT, KES_LARGEST, HYSTERESIS_AT]
-    curve = bend(relaxed, direction, [0.0, *out, 0.0, *(-k for k in out), 0.0])
-    if curve.stop_reason:
-        return np.nan
-    return bending(curve.curvature, curve.moment_per_width)["2HB"].value
 
 
 def headlines(fabric, direction):

@@ -7,9 +7,10 @@ import xarray as xr
 
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
+from knitsim.evaluation.rigidity import affine_rigidity, rigidity_and_curl
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
-from knitsim.stages.equilibrium_bending import DIRECTIONS, rigidity_and_curl
+from knitsim.stages.equilibrium_bending import DIRECTIONS
 from knitsim.store.timing import Timings
 
 STAGE = "yarn_to_fabric"
@@ -28,22 +29,6 @@ def swept_fabrics(built, test):
                 yield quantity, {quantity: factor * own, "set_fraction": fraction}
     for fraction in np.linspace(0.0, test["set_high"], count):
         yield "set", {"set_fraction": float(fraction)}
-
-
-def affine_rigidity(points, rigidity, wale_spacing, course_spacing):
-    """Rigidity per width (N m) along course and wale if every piece of yarn bends with the fabric.
-
-    points (n, 3) (m): one loop, the last point the first of the next.  A straight piece at the angle
-    phi to the bent direction that follows the fabric on its cylinder is a helix: its curvature is
-    curvature cos^2 phi, its energy per length B (curvature cos^2 phi)^2/2.  Over the loop's area that
-    is B/(w c) times the integral of cos^4 phi along the loop.  Its two simplest cases: straight yarns
-    along the course, one each course spacing, B/c; straight legs along the wale, two each wale
-    spacing, 2 B/w.  Yarns that give way by turning and sliding make the fabric softer than that.
-    """
-    steps = np.diff(points, axis=0)
-    length = np.linalg.norm(steps, axis=1)
-    shares = [length @ (steps[:, axis] / length) ** 4 for axis in range(2)]
-    return rigidity / (wale_spacing * course_spacing) * np.array(shares)
 
 
 def _compared(fabric, resolution):
