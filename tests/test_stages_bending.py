@@ -10,12 +10,10 @@ import xarray as xr
 import yaml
 
 from knitsim.configuration.study import load_study
-from knitsim.equilibrium.bending import bend
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
 from knitsim.evaluation import rigidity as short
 from knitsim.evaluation.judge import integral
-from knitsim.evaluation.kes_bending import bending as evaluate
 from knitsim.loop.repeat import rolled
 from knitsim.stages import equilibrium_bending as bending
 from knitsim.stages import kes, vtk_states, yarn_to_fabric
@@ -121,16 +119,6 @@ def test_stored_states_are_those_of_the_test(tested):
     # Set takes the curl, which stays to the same side.
     flat = [float(one.moment_per_width[0]) for one in (free, with_set)]
     assert 0 < flat[1] < 0.3 * flat[0]
-
-
-def test_hysteresis_of_the_ledger_is_that_of_a_cycle_of_many_states(tested):
-    fabric, laws, _ = tested
-    built = solver_fabric(fabric, laws["continuous"], friction=True)
-    relaxed = relax(built, resolution_of(fabric))
-    path = bending.curvatures_of({"max_curvature": 250.0, "states": 10, "cycles": 1})
-    cycle = bend(relaxed, "wale", path)
-    read = evaluate(cycle.curvature, cycle.moment_per_width)["2HB"].value
-    assert 0.0 < short.hysteresis(relaxed, "wale") == pytest.approx(read, rel=1e-2)
 
 
 def test_rigidity_of_the_ledger_is_the_one_that_kes_reads(tested):

@@ -1,12 +1,9 @@
-"""Bending rigidity, curl and hysteresis of a fabric at rest in the equilibrium model, in short."""
+"""Bending rigidity and curl of a fabric at rest in the equilibrium model, in short."""
 
 import numpy as np
 
 from knitsim.equilibrium.bending import bend
-from knitsim.evaluation.kes_bending import HYSTERESIS_AT, SLOPE_RANGE, bending
-from knitsim.units import to_si
-
-KES_LARGEST = to_si(2.5, "per_cm")  # to both sides
+from knitsim.evaluation.kes_bending import SLOPE_RANGE
 
 
 def affine_rigidity(points, rigidity, wale_spacing, course_spacing):
@@ -38,12 +35,3 @@ def rigidity_and_curl(relaxed, direction, spacings="free"):
     moment = curve.moment_per_width
     slopes = np.array([moment[1] - moment[0], moment[3] - moment[4]]) / (high - low)
     return float(slopes.mean()), float(curve.flat_moment)
-
-
-def hysteresis(relaxed, direction):
-    """2HB (N) of a KES bending cycle, to 2.5 per cm; not a number where the path ends early."""
-    out = [HYSTERESIS_AT, KES_LARGEST, HYSTERESIS_AT]
-    curve = bend(relaxed, direction, [0.0, *out, 0.0, *(-k for k in out), 0.0])
-    if curve.stop_reason:
-        return np.nan
-    return bending(curve.curvature, curve.moment_per_width)["2HB"].value

@@ -11,7 +11,7 @@ from knitsim.equilibrium import tension
 from knitsim.equilibrium.bending import FRICTION_INCREMENT, bend
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation.rigidity import hysteresis, rigidity_and_curl
+from knitsim.evaluation.rigidity import rigidity_and_curl
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import (
     resolution_of,
@@ -114,18 +114,14 @@ def bent(fabric, relaxed, direction, curvatures, choice, variant, **options):
 
 
 def headlines(fabric, direction):
-    """{name: (value, units)} that the ledger follows, with spacings free.
+    """{name: (value, units)} that the ledger follows, without friction and with spacings free.
 
-    Rigidity and curl without friction; 2HB with it, where a variant has friction.
+    What changes 2HB stands in the table of sensitivities.
     """
     law = ledger_laws(fabric.yarn)["continuous"]
     relaxed = relax(solver_fabric(fabric, law), resolution_of(fabric))
     rigidity, curl = rigidity_and_curl(relaxed, direction)
-    found = {"rigidity B": (rigidity, "N m"), "moment that holds it flat": (curl, "N")}
-    if any(choice["friction"] for choice in fabric.scene[STAGE]["variants"].values()):
-        rubbing = _relaxed(fabric, law, {"friction": True, "set": None})
-        found["2HB"] = (hysteresis(rubbing, direction), "N")
-    return found
+    return {"rigidity B": (rigidity, "N m"), "moment that holds it flat": (curl, "N")}
 
 
 def run(fabric, laws, direction):
