@@ -21,7 +21,6 @@ from knitsim.units import to_si
 STEP = 0.01  # change of an input, relative; absolute for one that is zero
 LIKELY_STRAINS = (0.01, 0.5)  # solved evenly, further apart beyond
 BENDING_STATES = 8  # to each side
-BENDING_INCREMENT = 50.0  # 1/m, twice the default with friction
 MAX_CURVATURE = to_si(2.0, "per_cm")
 _FAILURES = (ComputationError, InputError)
 
@@ -68,8 +67,7 @@ def standard_results(course_force, wale_force, *, curvature=MAX_CURVATURE, hyste
         down = np.concatenate([up[::-1][1:], [0.0], -up])
         way = np.concatenate([[0.0], up, down, -up[::-1][1:], [0.0]])
         for direction in ("course", "wale"):
-            # Of changes: what long increments miss is the same on both sides of them.
-            curve = bend(relaxed, direction, way, increment=BENDING_INCREMENT)
+            curve = bend(relaxed, direction, way)
             if curve.stop_reason:
                 raise ComputationError(f"{direction} bending: {curve.stop_reason}")
             kes = bending(curve.curvature, curve.moment_per_width)

@@ -37,7 +37,7 @@ PHASE_COLUMNS = ("task", "phase", "seconds", "share", "note", "machine")
 ALL_FABRIC = "relaxing, course, wale, both bendings"
 NOT_REACHED = "not reached"
 # How often a setting runs, and seconds after which it does not run again.
-QUICK_REPEATS, QUICK_BUDGET = 3, 0.04
+QUICK_REPEATS, QUICK_BUDGET = 3, 0.02
 FULL_REPEATS, FULL_BUDGET = 15, 0.5
 
 
