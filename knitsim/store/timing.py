@@ -45,7 +45,7 @@ class Timings:
         yield
         self.add(name, time.perf_counter() - start, note=note)
 
-    def repeat(self, name, call, budget=0.1, note=""):
+    def repeat(self, name, call, budget=0.03, note=""):
         """Record the median wall time of ``call()`` over one to a hundred runs, after one not counted.
 
         budget: seconds after which no further run is begun.  Returns the result of the last run.
