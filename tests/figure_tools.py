@@ -1,5 +1,7 @@
 """What the tests of the figures share."""
 
+import pytest
+
 from knitsim.figures import catalogue, style
 from knitsim.figures.draw import drawn
 
@@ -9,6 +11,11 @@ FIGURES = {figure.name: figure for figure in catalogue.FIGURES}
 def named(*modules):
     """Names of the catalogue's figures that these modules of knitsim.figures draw."""
     return [name for name, figure in FIGURES.items() if figure.module in modules]
+
+
+def repeated(names, quick):
+    """Parameters of a test that draws again: all but ``quick`` are for the slow suite."""
+    return [name if name == quick else pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
 def draw(name, datasets):

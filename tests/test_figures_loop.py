@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from figure_tools import check_same_twice, draw, lines, named
+from figure_tools import check_same_twice, draw, lines, named, repeated
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.image import AxesImage, imread
@@ -50,13 +50,7 @@ def texts(ax):
     return [text.get_text() for text in ax.texts]
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        name if name == "fig03_loop_anchors" else pytest.param(name, marks=pytest.mark.slow)
-        for name in FIGURES
-    ],
-)
+@pytest.mark.parametrize("name", repeated(FIGURES, "fig03_loop_anchors"))
 def test_saved_files_are_the_same_twice(name, loop, drawn, tmp_path):
     check_same_twice([drawn[name], draw(name, {"loop": loop})], tmp_path)
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 import yaml
-from figure_tools import check_same_twice, draw, lines, named
+from figure_tools import check_same_twice, draw, lines, named, repeated
 
 from knitsim.configuration.study import load_study
 from knitsim.errors import InputError
@@ -100,13 +100,7 @@ def readings_grid(fig):
     return np.array(fig.axes[2:]).reshape(4, -1)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        name if name == "fig13_fabric_under_tension" else pytest.param(name, marks=pytest.mark.slow)
-        for name in FIGURES
-    ],
-)
+@pytest.mark.parametrize("name", repeated(FIGURES, "fig13_fabric_under_tension"))
 def test_saved_files_are_the_same_twice(name, datasets, figures, tmp_path):
     check_same_twice([figures[name], draw(name, datasets)], tmp_path)
 

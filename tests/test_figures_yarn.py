@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from figure_tools import check_same_twice, draw, lines, named
+from figure_tools import check_same_twice, draw, lines, named, repeated
 
 from knitsim.configuration.study import load_study
 from knitsim.errors import InputError
@@ -61,13 +61,7 @@ def drawn(polyester):
     return {name: draw(name, {"yarn": polyester}) for name in FIGURES}
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        name if name == "fig02_fibre_sections" else pytest.param(name, marks=pytest.mark.slow)
-        for name in FIGURES
-    ],
-)
+@pytest.mark.parametrize("name", repeated(FIGURES, "fig02_fibre_sections"))
 def test_saved_files_are_the_same_twice(name, polyester, drawn, tmp_path):
     check_same_twice([drawn[name], draw(name, {"yarn": polyester})], tmp_path)
 
