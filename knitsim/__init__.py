@@ -1,7 +1,8 @@
 """knitsim: how a plain weft-knitted fabric behaves, computed from what its yarn is made of.
 
 The sub-packages follow the method, and imports run in this direction only:
-configuration -> yarn -> loop -> kinematic | equilibrium -> evaluation -> store -> figures.
+store -> measured -> yarn -> loop -> kinematic | equilibrium -> kes -> study -> inference ->
+verification -> benchmark -> figures -> stages.
 
 ``knitsim.open_store`` and ``knitsim.scalar_table`` read what the workflow has written.  They are
 loaded on first use, because the Snakefile imports this package and must start fast.

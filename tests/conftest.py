@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from knitsim.evaluation.judge_energy import control_of
 from knitsim.loop.build import build_loop
+from knitsim.verification.judge_energy import control_of
 from knitsim.yarn.law import paper_k3
 
 # The cotton fabric of the paper; diameter and loop length are assumptions of the project.

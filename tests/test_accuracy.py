@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 import yaml
 
-from knitsim.configuration.study import load_study
-from knitsim.equilibrium.bending import bend
+from knitsim.equilibrium.bend import bend
 from knitsim.equilibrium.fabric import Resolution
+from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.tension import tensile
 from knitsim.errors import InputError
 from knitsim.stages import equilibrium_bending, equilibrium_rest, equilibrium_tension
 from knitsim.stages.equilibrium import settings_of, solver_fabric
 from knitsim.stages.laws import stated_law
 from knitsim.stages.tables import assumption_table
 from knitsim.store.writer import write
+from knitsim.study.study import load_study
 
 SMOOTH = {"smooth": {}}
 RUBBING = {"rubs": {"friction": True}}

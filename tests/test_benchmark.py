@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from knitsim.equilibrium import model, tension
-from knitsim.equilibrium.fabric import Resolution
-from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.tension import tensile
-from knitsim.equilibrium.to_accuracy import LARGEST, settings_for
-from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation import benchmark_elastica, benchmark_fabric, benchmark_scaling
-from knitsim.evaluation import benchmark_yarn as yarn
-from knitsim.evaluation.benchmark import (
+from knitsim.benchmark import elastica as benchmark_elastica
+from knitsim.benchmark import fabric as benchmark_fabric
+from knitsim.benchmark import scaling as benchmark_scaling
+from knitsim.benchmark import yarn
+from knitsim.benchmark.exact import lifted_end
+from knitsim.benchmark.fabric import COTTON, DEFAULT, Knobs
+from knitsim.benchmark.front import (
     Measured,
     Outcome,
     Setting,
@@ -29,8 +27,13 @@ from knitsim.evaluation.benchmark import (
     measure,
     together,
 )
-from knitsim.evaluation.benchmark_exact import lifted_end
-from knitsim.evaluation.benchmark_fabric import COTTON, DEFAULT, Knobs
+from knitsim.equilibrium import model
+from knitsim.equilibrium import pull as tension
+from knitsim.equilibrium.fabric import Resolution
+from knitsim.equilibrium.pull import tensile
+from knitsim.equilibrium.relax import relax
+from knitsim.equilibrium.to_accuracy import LARGEST, settings_for
+from knitsim.errors import ComputationError, InputError
 from knitsim.figures import style
 from knitsim.figures.benchmark import read, run_time_against_error
 from knitsim.stages import benchmark as stage

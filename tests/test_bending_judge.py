@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from knitsim.equilibrium.bending import bend
+from knitsim.equilibrium.bend import bend
 from knitsim.equilibrium.fabric import Resolution
-from knitsim.equilibrium.tension import tensile
-from knitsim.evaluation import bending_judge, bending_judge_energy, stress, stress_bending
-from knitsim.evaluation.bending_judge import Test, judge_test
-from knitsim.evaluation.bending_judge_energy import BentEnergy, in_space
-from knitsim.evaluation.campaign import Case
-from knitsim.evaluation.judge_energy import Energy, Given, control_of, design
+from knitsim.equilibrium.pull import tensile
 from knitsim.stages import stress as stress_stage
 from knitsim.stages.judged import bending_states, given_of, relaxed_of, tension_states
+from knitsim.verification import bending_judge, bending_judge_energy, stress, stress_bending
+from knitsim.verification.bending_judge import Test, judge_test
+from knitsim.verification.bending_judge_energy import BentEnergy, in_space
+from knitsim.verification.campaign import Case
+from knitsim.verification.judge_energy import Energy, Given, control_of, design
 
 LAW = ((0.0, 0.01, 0.07), (0.0, 0.44, 5.84))
 GIVEN = Given(5.56e-3, 0.2793e-3, 5e-9, *LAW, 1000.0, 0.3, 12, 40)
@@ -32,9 +32,9 @@ def test_shares_nothing_with_the_solver():
             elif isinstance(node, ast.ImportFrom):
                 names.add(node.module)
         assert names <= {
-            "numpy", "scipy.spatial", "dataclasses", "math", "knitsim.evaluation",
-            "knitsim.evaluation.judge", "knitsim.evaluation.judge_energy",
-            "knitsim.evaluation.bending_judge_energy", "knitsim.evaluation.stress",
+            "numpy", "scipy.spatial", "dataclasses", "math", "knitsim.verification",
+            "knitsim.verification.judge", "knitsim.verification.judge_energy",
+            "knitsim.verification.bending_judge_energy", "knitsim.verification.stress",
         }  # fmt: skip
 
 

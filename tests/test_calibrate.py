@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitsim.equilibrium.bending import bend
+from knitsim.equilibrium.bend import bend
 from knitsim.equilibrium.fabric import CoreContact, Fabric, Resolution
+from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.tension import tensile
 from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation import calibrate
-from knitsim.evaluation.calibrate import Parameter, Problem, fit
-from knitsim.evaluation.calibrate_bending import Bending
-from knitsim.evaluation.calibrate_curves import (
+from knitsim.inference import calibrate
+from knitsim.inference.bending_points import Bending
+from knitsim.inference.calibrate import Parameter, Problem, fit
+from knitsim.inference.continuation import Sensitivity, States, value_of, varied
+from knitsim.inference.curve_points import (
     Tension,
     pull,
     pull_of,
@@ -21,7 +22,6 @@ from knitsim.evaluation.calibrate_curves import (
     tension_gradient,
     tension_points,
 )
-from knitsim.evaluation.calibrate_states import Sensitivity, States, value_of, varied
 from knitsim.yarn.law import TensionLaw, paper_k3
 
 # Singal et al. 2024 (doi 10.1038/s41467-024-46498-z): acrylic jersey, its extension neglected.

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from knitsim.equilibrium.bending import bend
+from knitsim.equilibrium.bend import bend
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation.calibrate import Parameter, Problem, fit
-from knitsim.evaluation.calibrate_bending import PASS_POINTS, Bending, bending_points
-from knitsim.evaluation.predict import Predictor
+from knitsim.inference.bending_points import PASS_POINTS, Bending, bending_points
+from knitsim.inference.calibrate import Parameter, Problem, fit
+from knitsim.inference.predict import Predictor
 from knitsim.yarn.law import paper_k3
 
 COARSE = Resolution(32)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from knitsim.equilibrium.fabric import CoreContact, Fabric, Resolution
+from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.tension import tensile
 from knitsim.errors import InputError
-from knitsim.evaluation.calibrate import Parameter, Problem, fit
-from knitsim.evaluation.calibrate_curves import Tension
-from knitsim.evaluation.calibrate_states import varied
-from knitsim.evaluation.predict import Predictor
-from knitsim.evaluation.sensitivity import sensitivity_table, standard_results
+from knitsim.inference.calibrate import Parameter, Problem, fit
+from knitsim.inference.continuation import varied
+from knitsim.inference.curve_points import Tension
+from knitsim.inference.predict import Predictor
+from knitsim.inference.sensitivity import sensitivity_table, standard_results
 from knitsim.yarn.law import TensionLaw
 
 COARSE = Resolution(32)

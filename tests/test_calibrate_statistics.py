@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from knitsim.errors import InputError
-from knitsim.evaluation.calibrate_statistics import (
+from knitsim.inference.statistics import (
     neighbour_correlation,
     robust_scale,
     spread,

@@ -13,13 +13,13 @@ from scipy.integrate import dblquad, quad
 
 import knitsim.stages.campaign as stage
 import knitsim.stages.judged as judged
-from knitsim.equilibrium.tension import tensile
+from knitsim.equilibrium.pull import tensile
 from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation import campaign, judge_energy
-from knitsim.evaluation import judge as judging
-from knitsim.evaluation.campaign import RANGES, Case, draw, impossible, squeeze_at_break
-from knitsim.evaluation.judge import States, crossings, integral, judge
-from knitsim.evaluation.judge_energy import Energy, Given, control_of, design, law_energy, near
+from knitsim.verification import campaign, judge_energy
+from knitsim.verification import judge as judging
+from knitsim.verification.campaign import RANGES, Case, draw, impossible, squeeze_at_break
+from knitsim.verification.judge import States, crossings, integral, judge
+from knitsim.verification.judge_energy import Energy, Given, control_of, design, law_energy, near
 from knitsim.yarn.law import TensionLaw
 
 TRIAL = 4711  # seed of the tests; the campaign has another
@@ -296,7 +296,7 @@ def test_judge_shares_nothing_with_the_solver():
                 names |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
                 names.add(node.module)
-        allowed = {"numpy", "dataclasses", "math", "knitsim.evaluation.judge_energy"}
+        allowed = {"numpy", "dataclasses", "math", "knitsim.verification.judge_energy"}
         assert names <= allowed
 
 

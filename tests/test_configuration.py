@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from knitsim.configuration import reference
-from knitsim.configuration.keys import REQUIRED
-from knitsim.configuration.schema import FABRIC, SCENE, STAGES, YARN, closure
-from knitsim.configuration.study import load_study
 from knitsim.errors import InputError
+from knitsim.study import reference
+from knitsim.study.keys import REQUIRED
+from knitsim.study.schema import FABRIC, SCENE, STAGES, YARN, closure
+from knitsim.study.study import load_study
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 
@@ -361,7 +361,7 @@ def test_json_is_the_same_each_time(paper):
 
 def test_loading_needs_no_numpy():
     code = (
-        "import sys; from knitsim.configuration.study import load_study; "
+        "import sys; from knitsim.study.study import load_study; "
         f"load_study({str(CONFIG)!r}); heavy = {{'numpy', 'scipy', 'numba', 'xarray', 'pandas'}}; "
         "sys.exit(len(heavy & set(sys.modules)))"
     )

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from knitsim.configuration.curve_file import COLUMNS, read_curve, read_yarn_curve
 from knitsim.errors import InputError
+from knitsim.measured.yarn_curve import COLUMNS, read_curve, read_yarn_curve
 from knitsim.units import G0
 
 STRAIN = np.array([0.0, 0.004, 0.008, 0.012, 0.016, 0.02, 0.024, 0.028])

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from knitsim.equilibrium import cell as cells
-from knitsim.equilibrium.contact_kernels import CHUNK, add_pushes, find_pairs, place_points
-from knitsim.equilibrium.crossing_kernels import crossings_of
 from knitsim.equilibrium.fabric import Fabric, Resolution
-from knitsim.equilibrium.friction_kernels import no_slip
-from knitsim.equilibrium.model import build_model
-from knitsim.equilibrium.newton_kernels import (
+from knitsim.equilibrium.kernels.contact import CHUNK, add_pushes, find_pairs, place_points
+from knitsim.equilibrium.kernels.crossings import crossings_of
+from knitsim.equilibrium.kernels.friction import no_slip
+from knitsim.equilibrium.kernels.newton import (
     CONVERGED,
     energy_of,
     expand,
@@ -18,6 +17,7 @@ from knitsim.equilibrium.newton_kernels import (
     pairs_at,
     tangent,
 )
+from knitsim.equilibrium.model import build_model
 from knitsim.equilibrium.relax import relax, start_from
 from knitsim.yarn.law import paper_k3
 

@@ -5,32 +5,32 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitsim.equilibrium import bending
+from knitsim.equilibrium import bend as bending
 from knitsim.equilibrium import cell as cells
-from knitsim.equilibrium.bending import TIGHTEST, bend, phases_of
-from knitsim.equilibrium.bending_kernels import (
+from knitsim.equilibrium.bend import TIGHTEST, bend, phases_of
+from knitsim.equilibrium.fabric import Fabric, Resolution
+from knitsim.equilibrium.kernels.follow import REACHED, new_states
+from knitsim.equilibrium.kernels.follow_bent import (
     RAN_AWAY,
     STATE,
     Bending,
     flat_moment,
     follow_bending,
 )
-from knitsim.equilibrium.fabric import Fabric, Resolution
-from knitsim.equilibrium.friction_kernels import no_slip
-from knitsim.equilibrium.model import rounded_law
-from knitsim.equilibrium.newton_kernels import (
+from knitsim.equilibrium.kernels.friction import no_slip
+from knitsim.equilibrium.kernels.newton import (
     Control,
     energy_of,
     new_work,
     pairs_at,
 )
-from knitsim.equilibrium.path_kernels import REACHED, new_states
+from knitsim.equilibrium.kernels.records import COUPLE, CYLINDER, Bend, Scene, records
+from knitsim.equilibrium.model import rounded_law
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.scene import COUPLE, CYLINDER, Bend, Scene, records
 from knitsim.errors import InputError
-from knitsim.evaluation import stress_bending
 from knitsim.stages.judged import relaxed_of
 from knitsim.stages.kes_table import EDGES, rolls_to
+from knitsim.verification import stress_bending
 from knitsim.yarn.law import paper_k3
 
 COTTON = dict(

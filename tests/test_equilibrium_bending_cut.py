@@ -5,16 +5,16 @@ import pytest
 from scipy.spatial import cKDTree
 
 from knitsim.equilibrium import spline
-from knitsim.equilibrium.bending import DIRECTIONS, bend
+from knitsim.equilibrium.bend import DIRECTIONS, bend
 from knitsim.equilibrium.cell import loop_of
-from knitsim.equilibrium.contact_kernels import law_at
 from knitsim.equilibrium.fabric import Fabric, Resolution
-from knitsim.equilibrium.friction_kernels import no_slip
+from knitsim.equilibrium.kernels.contact import law_at
+from knitsim.equilibrium.kernels.friction import no_slip
+from knitsim.equilibrium.kernels.newton import energy_of, new_work, pairs_at
+from knitsim.equilibrium.kernels.records import Bend
+from knitsim.equilibrium.kernels.yarn import stretch_at
 from knitsim.equilibrium.model import NEIGHBOURS
-from knitsim.equilibrium.newton_kernels import energy_of, new_work, pairs_at
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.scene import Bend
-from knitsim.equilibrium.yarn_kernels import stretch_at
 from knitsim.yarn.law import paper_k3
 
 COTTON = Fabric(1.4993e-3, 1.2005e-3, 5.56e-3, 0.2793e-3, 5e-9, paper_k3(continuous=True))

@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from knitsim.equilibrium.bending_friction_kernels import (
+from knitsim.equilibrium.fabric import Fabric
+from knitsim.equilibrium.kernels.contact import place_points
+from knitsim.equilibrium.kernels.curved import Bent, add_curved_yarn, chord_square
+from knitsim.equilibrium.kernels.curved_friction import (
     add_curved_friction,
     arm_at,
     begin_curved_slip,
     curved_loss,
     vector_at,
 )
-from knitsim.equilibrium.bending_kernels import angle_tangent
-from knitsim.equilibrium.contact_kernels import place_points
-from knitsim.equilibrium.curved_kernels import Bent, add_curved_yarn, chord_square
-from knitsim.equilibrium.fabric import Fabric
-from knitsim.equilibrium.friction_kernels import no_slip
-from knitsim.equilibrium.newton_kernels import energy_of, expand, new_work, pairs_at
+from knitsim.equilibrium.kernels.follow_bent import angle_tangent
+from knitsim.equilibrium.kernels.friction import no_slip
+from knitsim.equilibrium.kernels.newton import energy_of, expand, new_work, pairs_at
+from knitsim.equilibrium.kernels.records import Bend
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.scene import Bend
 from knitsim.yarn.law import paper_k3
 
 COTTON = Fabric(1.4993e-3, 1.2005e-3, 5.56e-3, 0.2793e-3, 5e-9, paper_k3(continuous=True))

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from knitsim.equilibrium.crossing_kernels import crossings_of
 from knitsim.equilibrium.fabric import Fabric, Resolution
-from knitsim.equilibrium.friction_kernels import begin_slip, no_slip
+from knitsim.equilibrium.kernels.crossings import crossings_of
+from knitsim.equilibrium.kernels.follow import place_points
+from knitsim.equilibrium.kernels.friction import begin_slip, no_slip
+from knitsim.equilibrium.kernels.newton import energy_of, expand, new_work, pairs_at
+from knitsim.equilibrium.large.assembly import crossings_in_grid
+from knitsim.equilibrium.large.linear import Linear, factor_of, new_sparse_work, place, sparse_pairs
 from knitsim.equilibrium.model import build_model
-from knitsim.equilibrium.newton_kernels import energy_of, expand, new_work, pairs_at
-from knitsim.equilibrium.path_kernels import place_points
+from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import is_intact, relax, spread
-from knitsim.equilibrium.sparse import Linear, factor_of, new_sparse_work, place, sparse_pairs
-from knitsim.equilibrium.sparse_kernels import crossings_in_grid
 from knitsim.equilibrium.stability import lowest_stiffness
-from knitsim.equilibrium.tension import tensile
 from knitsim.errors import InputError
 from knitsim.yarn.law import paper_k3
 

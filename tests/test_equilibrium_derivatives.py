@@ -7,15 +7,15 @@ import pytest
 
 from knitsim.equilibrium import cell as cells
 from knitsim.equilibrium import spline
-from knitsim.equilibrium.contact_kernels import law_at, place_points
-from knitsim.equilibrium.cylinder_kernels import add_couples
 from knitsim.equilibrium.fabric import BarrierContact, CoreContact, Fabric, Resolution
-from knitsim.equilibrium.friction_kernels import begin_slip, no_slip, rise_at
+from knitsim.equilibrium.kernels.contact import law_at, place_points
+from knitsim.equilibrium.kernels.fixtures import add_couples
+from knitsim.equilibrium.kernels.friction import begin_slip, no_slip, rise_at
+from knitsim.equilibrium.kernels.newton import energy_of, expand, new_work, pairs_at
+from knitsim.equilibrium.kernels.records import COUPLE, records
+from knitsim.equilibrium.kernels.yarn import bend_at, stretch_at
 from knitsim.equilibrium.model import build_model, centreline, refine, rounded_law, with_set
-from knitsim.equilibrium.newton_kernels import energy_of, expand, new_work, pairs_at
 from knitsim.equilibrium.relax import start_from
-from knitsim.equilibrium.scene import COUPLE, records
-from knitsim.equilibrium.yarn_kernels import bend_at, stretch_at
 from knitsim.yarn.law import TensionLaw, bilinear, paper_k3
 
 COTTON = dict(

@@ -5,8 +5,8 @@ import pytest
 
 from knitsim.equilibrium.fabric import BarrierContact, CoreContact, Fabric, Resolution
 from knitsim.equilibrium.model import build_model, centreline
+from knitsim.equilibrium.pull import biaxial, shear, tensile
 from knitsim.equilibrium.relax import is_intact, relax, start_from
-from knitsim.equilibrium.tension import biaxial, shear, tensile
 from knitsim.errors import ComputationError, InputError
 from knitsim.loop.lattice import smallest_distance
 from knitsim.yarn.law import TensionLaw, paper_k3

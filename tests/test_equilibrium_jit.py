@@ -9,7 +9,7 @@ import pytest
 SCRIPT = """
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.tension import tensile
+from knitsim.equilibrium.pull import tensile
 from knitsim.yarn.law import paper_k3
 
 cotton = Fabric(1.4993e-3, 1.2005e-3, 5.56e-3, 0.2793e-3, 5e-9, paper_k3(True), friction=0.2)

@@ -7,13 +7,13 @@ import pytest
 
 from knitsim.equilibrium import accuracy
 from knitsim.equilibrium.fabric import BarrierContact, Fabric, Resolution
-from knitsim.equilibrium.path_kernels import set_free, work_of_increment
+from knitsim.equilibrium.kernels.follow import set_free, work_of_increment
+from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.tension import tensile
-from knitsim.evaluation import stress
-from knitsim.evaluation.campaign import draw
-from knitsim.evaluation.judge import integral
 from knitsim.stages.judged import relaxed_of
+from knitsim.verification import stress
+from knitsim.verification.campaign import draw
+from knitsim.verification.judge import integral
 from knitsim.yarn.law import TensionLaw
 
 

@@ -10,7 +10,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.special import j0
 
 from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation import exact, exact_crimp, exact_rods
+from knitsim.verification import exact, exact_crimp, exact_rods
 
 mp = mpmath.mp.clone()
 mp.dps = 30

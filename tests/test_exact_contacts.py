@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import minimize
 
 from knitsim.errors import InputError
-from knitsim.evaluation import exact_contacts, exact_rods
+from knitsim.verification import exact_contacts, exact_rods
 
 mp = mpmath.mp.clone()
 mp.dps = 30

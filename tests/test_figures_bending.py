@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from figure_tools import check_same_twice, draw, named
 
-from knitsim.configuration.study import load_study
 from knitsim.figures import bending
 from knitsim.figures.bending import angles_of_sections
 from knitsim.stages import kinematic_bending
 from knitsim.stages.laws import calibration_of, laws_of
+from knitsim.study.study import load_study
 
 FIGURES = named("bending")
 SMALL = Path(__file__).parents[1] / "config" / "small"

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from knitsim.configuration.study import load_study
 from knitsim.figures import catalogue, style
 from knitsim.figures.draw import draw
 from knitsim.stages import loop
 from knitsim.store.writer import write
+from knitsim.study.study import load_study
 
 SMALL = Path(__file__).parents[1] / "config" / "small"
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from figure_tools import check_same_twice, draw, lines, named, panel
 
-from knitsim.configuration.study import load_study
 from knitsim.figures import equilibrium_tension, relaxed
 from knitsim.figures.readings import EQUILIBRIUM_COLOURS
 from knitsim.stages import equilibrium_rest, loop
 from knitsim.stages import equilibrium_tension as stage
 from knitsim.stages.laws import laws_of
+from knitsim.study.study import load_study
 
 FIGURES = named("relaxed", "equilibrium_tension")
 SMALL = Path(__file__).parents[1] / "config" / "small"

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from figure_tools import check_same_twice, draw, lines, named, panel
 
-from knitsim.configuration.study import load_study
-from knitsim.evaluation import kes_bending
 from knitsim.figures import equilibrium_bending, kes_chart, style
+from knitsim.kes import bending_test as kes_bending
 from knitsim.stages import equilibrium_bending as stage
 from knitsim.stages import equilibrium_rest, kes, kinematic_bending
 from knitsim.stages import yarn_to_fabric as sweep
 from knitsim.stages.laws import laws_of
 from knitsim.store.writer import write
+from knitsim.study.study import load_study
 from knitsim.units import from_si
 
 FIGURES = named("equilibrium_bending", "kes_chart", "yarn_to_fabric")

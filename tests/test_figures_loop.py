@@ -12,12 +12,12 @@ from matplotlib.colors import to_rgb
 from matplotlib.image import AxesImage, imread
 from matplotlib.quiver import Quiver
 
-from knitsim.configuration.study import load_study
 from knitsim.figures import loop as figures
 from knitsim.figures import style
 from knitsim.figures.tubes import view_of
 from knitsim.stages import loop as stage
 from knitsim.stages.yarn import layout_of
+from knitsim.study.study import load_study
 
 FIGURES = named("loop")
 CONFIG = Path(__file__).parents[1] / "config"

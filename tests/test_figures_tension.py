@@ -7,7 +7,6 @@ import pytest
 import yaml
 from figure_tools import check_same_twice, draw, lines, named, repeated
 
-from knitsim.configuration.study import load_study
 from knitsim.errors import InputError
 from knitsim.figures import style
 from knitsim.figures.readings import (
@@ -20,6 +19,7 @@ from knitsim.figures.readings import (
 from knitsim.figures.states import law_source
 from knitsim.stages import equilibrium_rest, equilibrium_tension, kinematic_tension
 from knitsim.stages.laws import calibration_of, laws_of
+from knitsim.study.study import load_study
 
 FIGURES = named("tension", "loop_tension")
 CONDITIONS = {

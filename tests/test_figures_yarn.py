@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from figure_tools import check_same_twice, draw, lines, named, repeated
 
-from knitsim.configuration.study import load_study
 from knitsim.errors import InputError
 from knitsim.figures import style, yarn_tension
 from knitsim.figures import yarn as figures
 from knitsim.stages import yarn as stage
+from knitsim.study.study import load_study
 
 FIGURES = named("yarn", "yarn_tension")
 CONFIG = Path(__file__).parents[1] / "config"

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from knitsim.configuration.curve_file import read_curve
+from knitsim import kes
 from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation import exact, kes
-from knitsim.evaluation.kes_pass import Pass
+from knitsim.kes.single_pass import Pass
+from knitsim.measured.yarn_curve import read_curve
+from knitsim.verification import exact
 
 GF = 9.80665e-3  # N
 FORCE = 500 * GF / 1e-2  # N/m

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from knitsim.configuration.measured_curve import (
+from knitsim.errors import InputError
+from knitsim.measured.fabric_curve import (
     LOADING,
     RECOVERY,
     read_bending,
     read_tension,
 )
-from knitsim.errors import InputError
 
 STRAIN = np.array([0.01, 0.03, 0.06, 0.10, 0.15])
 FORCE = np.array([4.0, 10.0, 30.0, 70.0, 150.0])  # N/m

@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 import yaml
 
-from knitsim.configuration.measured_checks import free_of, meaningless, value_of
-from knitsim.configuration.measured_curve import read_measured
-from knitsim.configuration.measured_keys import GIVEN, PARAMETERS
-from knitsim.configuration.study import load_study
 from knitsim.errors import InputError
+from knitsim.measured.fabric_curve import read_measured
 from knitsim.stages.check import check_study
+from knitsim.study.measured_checks import free_of, meaningless, value_of
+from knitsim.study.measured_keys import GIVEN, PARAMETERS
+from knitsim.study.study import load_study
 
 CONFIG = Path(__file__).parents[1] / "config"
 CURVE = "strain,force_per_width_N_per_m\n0.01,5\n0.05,20\n0.1,60\n0.2,200\n"

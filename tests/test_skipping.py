@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from knitsim.configuration.study import load_study
+from knitsim.benchmark.skipping import measure
+from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.tension import tensile
-from knitsim.evaluation.skipping import measure
 from knitsim.stages import skipping
 from knitsim.stages.equilibrium import solver_fabric
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.needs import SKIPS, cell_of, skips_of, solves_recovery, stores_fibres
 from knitsim.stages.reversible import there_and_back
+from knitsim.study.study import load_study
 
 
 @pytest.fixture(scope="module")

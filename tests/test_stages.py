@@ -8,13 +8,13 @@ import pytest
 import xarray as xr
 import yaml
 
-from knitsim.configuration.study import load_study
 from knitsim.errors import ComputationError, InputError
 from knitsim.stages.check import check_study
 from knitsim.stages.equilibrium import contact_of, solver_fabric
 from knitsim.stages.laws import FORMS, law_from, law_variables, laws_of, stated_law
 from knitsim.stages.ledger import alternatives, effect_dataset
 from knitsim.stages.tables import law_corrections, timing_table
+from knitsim.study.study import load_study
 from knitsim.yarn.compression import crossed_force
 
 SMALL = Path(__file__).parents[1] / "config" / "small"

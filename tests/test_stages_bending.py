@@ -9,11 +9,9 @@ import pytest
 import xarray as xr
 import yaml
 
-from knitsim.configuration.study import load_study
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
-from knitsim.evaluation import rigidity as short
-from knitsim.evaluation.judge import integral
+from knitsim.kes import rigidity as short
 from knitsim.loop.repeat import rolled
 from knitsim.stages import equilibrium_bending as bending
 from knitsim.stages import kes, vtk_states, yarn_to_fabric
@@ -21,6 +19,8 @@ from knitsim.stages.equilibrium import resolution_of, solver_fabric
 from knitsim.stages.kes_table import curl_table, kes_table, rolls_to
 from knitsim.stages.laws import laws_of
 from knitsim.store.writer import write
+from knitsim.study.study import load_study
+from knitsim.verification.judge import integral
 
 YARN = {
     "count_tex": 56,

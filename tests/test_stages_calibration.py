@@ -9,17 +9,17 @@ import pytest
 import xarray as xr
 import yaml
 
-from knitsim.configuration.measured_checks import config_of, names_of
-from knitsim.configuration.measured_curve import MeasuredTension, read_measured
-from knitsim.configuration.measured_keys import GIVEN
-from knitsim.configuration.study import load_study
+from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.tension import tensile
+from knitsim.measured.fabric_curve import MeasuredTension, read_measured
 from knitsim.stages import calibration as stage
 from knitsim.stages import sensitivity
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
 from knitsim.stages.laws import ledger_laws
 from knitsim.store.writer import write
+from knitsim.study.measured_checks import config_of, names_of
+from knitsim.study.measured_keys import GIVEN
+from knitsim.study.study import load_study
 
 CONFIG = Path(__file__).parents[1] / "config"
 TRUTH = 1.3  # times the stated bending rigidity

@@ -9,12 +9,12 @@ import pytest
 import knitsim.stages.bending_campaign as bent
 import knitsim.stages.judged as judged
 import knitsim.stages.stress as stage
-from knitsim.equilibrium.tension import tensile
+from knitsim.equilibrium.pull import tensile
 from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation import stress, stress_bending
-from knitsim.evaluation.campaign import Case
-from knitsim.evaluation.stress import FAMILIES, RANGES, StressCase, draw, impossible
 from knitsim.figures.stress import stress_map
+from knitsim.verification import stress, stress_bending
+from knitsim.verification.campaign import Case
+from knitsim.verification.stress import FAMILIES, RANGES, StressCase, draw, impossible
 
 TRIAL = 4711  # seed of the tests; the campaign has another
 COTTON = Case(

@@ -8,15 +8,24 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "knitsim"
 FOUNDATION = ("errors", "units", "files", "provenance", "jit")
 ORDER = (
-    "configuration", "yarn", "loop", "kinematic", "equilibrium", "evaluation", "store", "figures",
-    "stages",
+    "store", "measured", "yarn", "loop", "kinematic", "equilibrium", "kes", "study", "inference",
+    "verification", "benchmark", "figures", "stages",
 )  # fmt: skip
 # Neither model knows the other, figures know files only, and the readers of files know no model.
 APART = {
-    "kinematic": {"equilibrium"},
     "equilibrium": {"kinematic"},
-    "store": {"yarn", "kinematic", "equilibrium"},
-    "figures": {"yarn", "kinematic", "equilibrium", "evaluation"},
+    "loop": {"measured"},
+    "kes": {"kinematic"},
+    "verification": {"inference", "study"},
+    "figures": {
+        "yarn",
+        "kinematic",
+        "equilibrium",
+        "kes",
+        "inference",
+        "verification",
+        "benchmark",
+    },
 }
 
 

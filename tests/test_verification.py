@@ -10,9 +10,13 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 from knitsim.errors import ComputationError
-from knitsim.evaluation import verification_contacts, verification_rods
-from knitsim.evaluation.verification import cases
-from knitsim.evaluation.verification_case import (
+from knitsim.figures import style
+from knitsim.figures.verification import fig17_verification
+from knitsim.stages.verification import ACCURACY_COLUMNS, accuracy_table, run
+from knitsim.store.writer import write
+from knitsim.verification import cases_contacts as verification_contacts
+from knitsim.verification import cases_rods as verification_rods
+from knitsim.verification.case import (
     CONTACT_LIMIT,
     CONTACTS,
     ELEMENTS,
@@ -22,10 +26,7 @@ from knitsim.evaluation.verification_case import (
     check,
     observed_order,
 )
-from knitsim.figures import style
-from knitsim.figures.verification import fig17_verification
-from knitsim.stages.verification import ACCURACY_COLUMNS, accuracy_table, run
-from knitsim.store.writer import write
+from knitsim.verification.cases import cases
 
 
 @pytest.fixture(scope="module")

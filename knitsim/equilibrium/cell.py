@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from knitsim.equilibrium import spline
-from knitsim.equilibrium.scene import (
+from knitsim.equilibrium.kernels.records import (
     IMAGE,
     LATTICE,
     MAP_ENTRY,

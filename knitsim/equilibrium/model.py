@@ -7,8 +7,8 @@ import numpy as np
 from knitsim.equilibrium import cell as cells
 from knitsim.equilibrium import spline
 from knitsim.equilibrium.fabric import Fabric, Resolution
-from knitsim.equilibrium.newton_kernels import Control
-from knitsim.equilibrium.scene import (
+from knitsim.equilibrium.kernels.newton import Control
+from knitsim.equilibrium.kernels.records import (
     COUPLE,
     CYLINDER,
     KINK,

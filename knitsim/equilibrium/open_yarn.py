@@ -18,10 +18,9 @@ import numpy as np
 
 from knitsim.equilibrium import spline
 from knitsim.equilibrium.cell import owners, to_map
-from knitsim.equilibrium.contact_kernels import law_at, place_points
-from knitsim.equilibrium.friction_kernels import begin_slip, lag_at, loss_of, no_slip
-from knitsim.equilibrium.model import NEIGHBOURS, rounded_law
-from knitsim.equilibrium.newton_kernels import (
+from knitsim.equilibrium.kernels.contact import law_at, place_points
+from knitsim.equilibrium.kernels.friction import begin_slip, lag_at, loss_of, no_slip
+from knitsim.equilibrium.kernels.newton import (
     CONVERGED,
     Control,
     expand,
@@ -29,8 +28,7 @@ from knitsim.equilibrium.newton_kernels import (
     new_work,
     pairs_at,
 )
-from knitsim.equilibrium.relax import REASONS
-from knitsim.equilibrium.scene import (
+from knitsim.equilibrium.kernels.records import (
     COUPLE,
     CYLINDER,
     IMAGE,
@@ -42,6 +40,8 @@ from knitsim.equilibrium.scene import (
     Touch,
     records,
 )
+from knitsim.equilibrium.model import NEIGHBOURS, rounded_law
+from knitsim.equilibrium.relax import REASONS
 from knitsim.errors import ComputationError, InputError
 from knitsim.yarn.law import TensionLaw
 

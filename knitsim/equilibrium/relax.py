@@ -9,9 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from knitsim.equilibrium import shape, spline
+from knitsim.equilibrium import spline
+from knitsim.equilibrium import start as shape
 from knitsim.equilibrium.cell import loop_of, pack
 from knitsim.equilibrium.fabric import BarrierContact, CoreContact, Resolution
+from knitsim.equilibrium.kernels.follow import CROSSINGS_LOST, TOO_CLOSE
+from knitsim.equilibrium.kernels.newton import (
+    CONVERGED,
+    NO_DESCENT,
+    NOT_FINITE,
+    TOO_MANY,
+)
 from knitsim.equilibrium.model import (
     Model,
     build_model,
@@ -19,13 +27,6 @@ from knitsim.equilibrium.model import (
     with_diameter,
     with_set,
 )
-from knitsim.equilibrium.newton_kernels import (
-    CONVERGED,
-    NO_DESCENT,
-    NOT_FINITE,
-    TOO_MANY,
-)
-from knitsim.equilibrium.path_kernels import CROSSINGS_LOST, TOO_CLOSE
 from knitsim.equilibrium.solve import gradient_at, is_plain, is_stable, minimise
 from knitsim.errors import ComputationError, InputError
 from knitsim.loop.lattice import crossings_intact

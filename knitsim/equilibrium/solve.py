@@ -2,16 +2,17 @@
 
 import numpy as np
 
-from knitsim.equilibrium import newton_kernels, path_kernels
-from knitsim.equilibrium.friction_kernels import no_slip
-from knitsim.equilibrium.sparse import (
+from knitsim.equilibrium.kernels import follow as path_kernels
+from knitsim.equilibrium.kernels import newton as newton_kernels
+from knitsim.equilibrium.kernels.friction import no_slip
+from knitsim.equilibrium.large.linear import (
     Linear,
     factor_of,
     new_sparse_work,
     sparse_intact,
     sparse_pairs,
 )
-from knitsim.equilibrium.sparse_path import lattice_entries, sparse_follow, sparse_minimise
+from knitsim.equilibrium.large.newton import lattice_entries, sparse_follow, sparse_minimise
 
 
 def minimise(model, scene, y, free, control):
@@ -39,7 +40,7 @@ def gradient_at(model, scene, y):
 
 
 def follow(model, scene, y, force, targets, march, trail):
-    """As :func:`knitsim.equilibrium.path_kernels.follow`."""
+    """As :func:`knitsim.equilibrium.kernels.follow.follow`."""
     if model.sparse:
         return sparse_follow(model, scene, y, force, targets, march, trail)
     return path_kernels.follow(scene, model.trace, y, force, targets, march, model.control, trail)
@@ -55,7 +56,7 @@ def is_plain(model, y):
 
 
 def linear_at(model, scene, y, free):
-    """The sparse frictionless Hessian of a full cell at y (:class:`knitsim.equilibrium.sparse.Linear`)."""
+    """The sparse frictionless Hessian of a full cell at y (:class:`.large.linear.Linear`)."""
     work = new_sparse_work(model.cell, scene)
     pairs = sparse_pairs(scene, y, 0.0, work)
     return Linear(scene, y, pairs, no_slip(), lattice_entries(free, work), work)

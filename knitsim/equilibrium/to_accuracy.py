@@ -16,8 +16,8 @@ import numpy as np
 
 from knitsim.equilibrium.accuracy import increment_error, spatial_error
 from knitsim.equilibrium.fabric import LEAST_POINTS, Resolution
+from knitsim.equilibrium.pull import FRICTION_INCREMENT, tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.tension import FRICTION_INCREMENT, tensile
 from knitsim.errors import ComputationError, InputError
 
 # Control points a loop, and contact points over those of the contact law's rule: what stood on the

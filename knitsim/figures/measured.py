@@ -9,10 +9,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from knitsim.configuration.measured_curve import LOADING, from_pretension, zero_at
-from knitsim.configuration.measured_keys import GIVEN
 from knitsim.figures import style
 from knitsim.figures.states import PERCENT, fabric_name, heading, letter
+from knitsim.measured.fabric_curve import LOADING, from_pretension, zero_at
+from knitsim.study.measured_keys import GIVEN
 from knitsim.units import from_si, label
 
 FORCE = "N_per_mm"

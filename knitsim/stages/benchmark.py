@@ -5,8 +5,10 @@ They hold run times, so they differ from run to run; results never depend on the
 
 import math
 
-from knitsim.evaluation import benchmark_elastica, benchmark_scaling
-from knitsim.evaluation.benchmark import (
+from knitsim.benchmark import elastica as benchmark_elastica
+from knitsim.benchmark import scaling as benchmark_scaling
+from knitsim.benchmark.fabric import friction_tasks, frictionless_tasks
+from knitsim.benchmark.front import (
     NOISE,
     TARGETS,
     beaten_by,
@@ -15,8 +17,7 @@ from knitsim.evaluation.benchmark import (
     measure,
     together,
 )
-from knitsim.evaluation.benchmark_fabric import friction_tasks, frictionless_tasks
-from knitsim.evaluation.benchmark_yarn import kinematic_tasks, yarn_tasks
+from knitsim.benchmark.yarn import kinematic_tasks, yarn_tasks
 from knitsim.stages.tables import PAPER_TIMES
 from knitsim.store.timing import machine, write_csv
 

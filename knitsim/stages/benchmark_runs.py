@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from knitsim.benchmark.fabric import COTTON
+from knitsim.benchmark.front import cpu_time, exponent
+from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.tension import tensile
 from knitsim.errors import ComputationError
-from knitsim.evaluation.benchmark import cpu_time, exponent
-from knitsim.evaluation.benchmark_fabric import COTTON
 from knitsim.stages.equilibrium import curve_dataset
 from knitsim.store.timing import machine
 from knitsim.store.writer import describe, write

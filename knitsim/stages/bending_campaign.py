@@ -8,11 +8,8 @@ from collections import Counter
 
 import numpy as np
 
-from knitsim.equilibrium.bending import bend
+from knitsim.equilibrium.bend import bend
 from knitsim.equilibrium.fabric import Resolution
-from knitsim.evaluation import stress_bending
-from knitsim.evaluation.bending_judge import Test, judge_test
-from knitsim.evaluation.campaign import POINTS, Case
 from knitsim.stages.judged import (
     OUTCOMES,
     REFUSED,
@@ -27,6 +24,9 @@ from knitsim.stages.judged import (
     relaxed_of,
     rows_of,
 )
+from knitsim.verification import stress_bending
+from knitsim.verification.bending_judge import Test, judge_test
+from knitsim.verification.campaign import POINTS, Case
 
 CASES = stress_bending.CASES
 LEAST_SOLVED = 0.97  # of the possible cases

@@ -3,20 +3,20 @@
 import numpy as np
 import xarray as xr
 
-from knitsim.configuration.measured_checks import config_of, free_of
-from knitsim.configuration.measured_curve import LOADING, read_measured
-from knitsim.configuration.measured_keys import GIVEN, PARAMETERS, STAGE
-from knitsim.configuration.schema import FABRIC
-from knitsim.equilibrium.bending import TIGHTEST
+from knitsim.equilibrium.bend import TIGHTEST
 from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation.calibrate import FLOOR, Parameter, Problem, fit
-from knitsim.evaluation.calibrate_bending import Bending
-from knitsim.evaluation.calibrate_curves import Tension, pull_of, tension_points
-from knitsim.evaluation.calibrate_states import value_of
-from knitsim.evaluation.predict import Predictor
+from knitsim.inference.bending_points import Bending
+from knitsim.inference.calibrate import FLOOR, Parameter, Problem, fit
+from knitsim.inference.continuation import value_of
+from knitsim.inference.curve_points import Tension, pull_of, tension_points
+from knitsim.inference.predict import Predictor
+from knitsim.measured.fabric_curve import LOADING, read_measured
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
 from knitsim.store.timing import Timings
 from knitsim.store.writer import describe, to_json
+from knitsim.study.measured_checks import config_of, free_of
+from knitsim.study.measured_keys import GIVEN, PARAMETERS, STAGE
+from knitsim.study.schema import FABRIC
 from knitsim.units import to_si
 
 DIRECTIONS = ("course", "wale")

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from knitsim.configuration.measured_curve import LOADING, from_pretension, loading_at, zero_at
-from knitsim.configuration.measured_keys import GIVEN
+from knitsim.measured.fabric_curve import LOADING, from_pretension, loading_at, zero_at
 from knitsim.store.timing import write_csv
+from knitsim.study.measured_keys import GIVEN
 
 CALIBRATION_COLUMNS = (
     "fabric", "calibration", "name", "value", "units", "low", "high", "start", "lowest", "highest",

@@ -10,10 +10,7 @@ import math
 import numpy as np
 
 from knitsim.equilibrium.fabric import Resolution
-from knitsim.equilibrium.tension import tensile
-from knitsim.evaluation.campaign import CASES as CASES
-from knitsim.evaluation.campaign import POINTS, SEED, Case, draw, impossible
-from knitsim.evaluation.judge import States, judge
+from knitsim.equilibrium.pull import tensile
 from knitsim.stages.judged import (
     REFUSED,
     STOPPED,
@@ -25,6 +22,9 @@ from knitsim.stages.judged import (
     relaxed_of,
     rows_of,
 )
+from knitsim.verification.campaign import CASES as CASES
+from knitsim.verification.campaign import POINTS, SEED, Case, draw, impossible
+from knitsim.verification.judge import States, judge
 
 # Strains of stored states: close together where friction sets in, then this far apart at most.
 FIRST, STORED = (0.0025, 0.005), 0.01

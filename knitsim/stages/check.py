@@ -1,7 +1,7 @@
 """The checks of a study that need the models: does every yarn, loop and fabric exist."""
 
-from knitsim.configuration.measured_curve import read_measured
 from knitsim.equilibrium.relax import check_start
+from knitsim.measured.fabric_curve import read_measured
 from knitsim.stages.equilibrium import named_by_key, resolution_of, solver_fabric
 from knitsim.stages.laws import calibration_of, laws_of
 from knitsim.stages.loop import loop_of

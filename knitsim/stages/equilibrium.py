@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from knitsim.equilibrium.fabric import BarrierContact, CoreContact, Fabric, Resolution
-from knitsim.equilibrium.tension import FRICTION_INCREMENT
+from knitsim.equilibrium.pull import FRICTION_INCREMENT
 from knitsim.equilibrium.to_accuracy import Settings, settings_for
 from knitsim.errors import InputError
 from knitsim.stages.laws import calibration_of, laws_of

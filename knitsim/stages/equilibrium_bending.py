@@ -6,12 +6,11 @@ from functools import partial
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from knitsim.configuration.schema import closure
-from knitsim.equilibrium import tension
-from knitsim.equilibrium.bending import FRICTION_INCREMENT, bend
+from knitsim.equilibrium import pull as tension
+from knitsim.equilibrium.bend import FRICTION_INCREMENT, bend
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation.rigidity import rigidity_and_curl
+from knitsim.kes.rigidity import rigidity_and_curl
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import (
     resolution_of,
@@ -24,6 +23,7 @@ from knitsim.stages.equilibrium import (
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
 from knitsim.store.timing import Timings
+from knitsim.study.schema import closure
 from knitsim.units import from_si
 
 STAGE = "equilibrium_bending"

@@ -3,7 +3,6 @@
 import numpy as np
 import xarray as xr
 
-from knitsim.configuration.schema import closure
 from knitsim.equilibrium.accuracy import fine_relaxed
 from knitsim.equilibrium.density import fit_density
 from knitsim.equilibrium.relax import relax
@@ -14,6 +13,7 @@ from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
 from knitsim.store.schema import AXES, ENERGY_TERMS
 from knitsim.store.timing import Timings
+from knitsim.study.schema import closure
 
 STAGE = "equilibrium_rest"
 LOOP_LENGTHS = 9

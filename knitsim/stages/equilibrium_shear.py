@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from knitsim.equilibrium.pull import shear
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.tension import shear
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import curve_dataset, resolution_of, settings_of, solver_fabric
 from knitsim.store.timing import Timings

@@ -4,9 +4,8 @@ from functools import partial
 
 import numpy as np
 
-from knitsim.configuration.schema import closure
+from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.tension import tensile
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import (
     curve_dataset,
@@ -21,6 +20,7 @@ from knitsim.stages.ledger import effect_dataset
 from knitsim.stages.needs import solves_recovery
 from knitsim.stages.reversible import there_and_back
 from knitsim.store.timing import Timings
+from knitsim.study.schema import closure
 
 STAGE = "equilibrium_tension"
 # Strains at which the ledger follows the force.
@@ -33,7 +33,7 @@ def _strains(choice, direction):
 
 
 def _conditions(fabric, choice):
-    """Arguments of knitsim.equilibrium.tension.tensile that one condition stands for."""
+    """Arguments of knitsim.equilibrium.pull.tensile that one condition stands for."""
     lateral = choice["lateral_load"] if choice["lateral"] == "loaded" else choice["lateral"]
     return {
         "lateral": lateral,

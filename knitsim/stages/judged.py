@@ -13,8 +13,8 @@ import numpy as np
 from knitsim.equilibrium.fabric import BarrierContact, Fabric
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation.bending_judge import TestStates
-from knitsim.evaluation.judge_energy import Given
+from knitsim.verification.bending_judge import TestStates
+from knitsim.verification.judge_energy import Given
 from knitsim.yarn.law import TensionLaw
 
 VERIFIED, STOPPED, REFUSED, WRONG = OUTCOMES = ("verified", "stopped", "refused", "wrong")

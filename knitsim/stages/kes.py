@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from knitsim import kes
 from knitsim.errors import InputError
-from knitsim.evaluation import kes
 from knitsim.store.writer import describe
 
 STAGE = "kes"

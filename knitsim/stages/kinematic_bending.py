@@ -4,7 +4,6 @@ from functools import partial
 
 import numpy as np
 
-from knitsim.configuration.schema import closure
 from knitsim.kinematic.bending import bending_test, bent_points, fibre_points, sweep
 from knitsim.stages.described import describe_stage
 from knitsim.stages.laws import ledger_laws
@@ -15,6 +14,7 @@ from knitsim.stages.yarn import layout_of, signed_twist
 from knitsim.store.schema import VARIABLES
 from knitsim.store.tensile import stack_variants, test_dataset
 from knitsim.store.timing import Timings
+from knitsim.study.schema import closure
 
 STAGE = "kinematic_bending"
 _TIMED_STEPS, _TIMED_SECTIONS, _TIMED_FIBRES = 200, 100, 72

@@ -4,7 +4,6 @@ from functools import partial
 
 import numpy as np
 
-from knitsim.configuration.schema import closure
 from knitsim.kinematic.tension import (
     Reading,
     deformed_points,
@@ -22,6 +21,7 @@ from knitsim.stages.yarn import layout_of, signed_twist
 from knitsim.store.tensile import stack_variants, test_dataset
 from knitsim.store.timing import Timings
 from knitsim.store.writer import to_json
+from knitsim.study.schema import closure
 
 STAGE = "kinematic_tension"
 # The state of the art that the paper's run time is compared with: 200 steps, 72 fibres, 100 sections.

@@ -5,7 +5,6 @@ import functools
 import numpy as np
 import xarray as xr
 
-from knitsim.configuration.schema import closure
 from knitsim.errors import InputError
 from knitsim.loop.build import build_loop
 from knitsim.loop.choi_lo import choi_lo
@@ -19,6 +18,7 @@ from knitsim.stages.ledger import effect_dataset
 from knitsim.stages.yarn import layout_of, signed_twist
 from knitsim.store.schema import AXES
 from knitsim.store.timing import Timings
+from knitsim.study.schema import closure
 
 STAGE = "loop"
 # Points of the centre line at which the angle error of eqs (2), (3) is taken.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from knitsim.equilibrium.curve import LOADING, RECOVERY
+from knitsim.equilibrium.result import LOADING, RECOVERY
 
 _ROWS = (
     "strain", "wale_strain", "force_per_loop", "force_per_width", "forces", "energy", "work",

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from knitsim.configuration.measured_checks import meaningless
-from knitsim.configuration.measured_keys import PARAMETERS
-from knitsim.evaluation.calibrate_states import value_of
-from knitsim.evaluation.sensitivity import sensitivity_table, standard_results
+from knitsim.inference.continuation import value_of
+from knitsim.inference.sensitivity import sensitivity_table, standard_results
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
 from knitsim.store.timing import Timings, write_csv
+from knitsim.study.measured_checks import meaningless
+from knitsim.study.measured_keys import PARAMETERS
 
 STAGE = "sensitivity"
 COLUMNS = (

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from knitsim.benchmark.skipping import measure
 from knitsim.equilibrium.fabric import Resolution
+from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import Relaxed, relax
-from knitsim.equilibrium.tension import tensile
-from knitsim.evaluation.skipping import measure
 from knitsim.kinematic.tension import Reading, fibre_points, tensile_test
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
 from knitsim.stages.laws import ledger_laws

@@ -10,15 +10,11 @@ from collections import Counter
 import numpy as np
 
 from knitsim.equilibrium.accuracy import scale_of
-from knitsim.equilibrium.bending import FRICTION_INCREMENT as BENDING_FRICTION_INCREMENT
-from knitsim.equilibrium.bending import INCREMENT as BENDING_INCREMENT
-from knitsim.equilibrium.bending import bend
+from knitsim.equilibrium.bend import FRICTION_INCREMENT as BENDING_FRICTION_INCREMENT
+from knitsim.equilibrium.bend import INCREMENT as BENDING_INCREMENT
+from knitsim.equilibrium.bend import bend
 from knitsim.equilibrium.fabric import Resolution
-from knitsim.equilibrium.tension import FRICTION_INCREMENT, tensile
-from knitsim.evaluation import stress
-from knitsim.evaluation.bending_judge import SNAPPING, Test, judge_test
-from knitsim.evaluation.campaign import AT_REST, PEIRCE
-from knitsim.evaluation.judge import FINE_FORCE
+from knitsim.equilibrium.pull import FRICTION_INCREMENT, tensile
 from knitsim.stages.judged import (
     REFUSED,
     STOPPED,
@@ -32,6 +28,10 @@ from knitsim.stages.judged import (
     rows_of,
     tension_states,
 )
+from knitsim.verification import stress
+from knitsim.verification.bending_judge import SNAPPING, Test, judge_test
+from knitsim.verification.campaign import AT_REST, PEIRCE
+from knitsim.verification.judge import FINE_FORCE
 
 CASES = stress.CASES
 LEAST_SOLVED = 0.98  # of the possible cases

@@ -3,10 +3,10 @@
 import numpy as np
 import xarray as xr
 
-from knitsim.evaluation.verification import cases
-from knitsim.evaluation.verification_case import CONTACT_LIMIT, ELEMENTS, LIMIT, check
 from knitsim.store.timing import Timings, write_csv
 from knitsim.store.writer import describe
+from knitsim.verification.case import CONTACT_LIMIT, ELEMENTS, LIMIT, check
+from knitsim.verification.cases import cases
 
 ACCURACY_COLUMNS = (
     "case", "name", "value", "exact", "error", "elements", "observed_order", "limit",

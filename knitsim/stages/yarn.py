@@ -5,7 +5,6 @@ import math
 import numpy as np
 import xarray as xr
 
-from knitsim.configuration.schema import closure
 from knitsim.stages.described import describe_stage
 from knitsim.stages.laws import (
     FORMS,
@@ -19,6 +18,7 @@ from knitsim.stages.ledger import effect_dataset
 from knitsim.store.schema import PHASES
 from knitsim.store.tensile import stack_variants
 from knitsim.store.timing import Timings
+from knitsim.study.schema import closure
 from knitsim.yarn.law import TensionLaw
 from knitsim.yarn.packing import pack
 from knitsim.yarn.section import (

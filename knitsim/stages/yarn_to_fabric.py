@@ -7,7 +7,7 @@ import xarray as xr
 
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
-from knitsim.evaluation.rigidity import affine_rigidity, rigidity_and_curl
+from knitsim.kes.rigidity import affine_rigidity, rigidity_and_curl
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
 from knitsim.stages.equilibrium_bending import DIRECTIONS

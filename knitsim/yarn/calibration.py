@@ -16,8 +16,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from knitsim.configuration.curve_file import read_yarn_curve
 from knitsim.errors import InputError
+from knitsim.measured.yarn_curve import read_yarn_curve
 from knitsim.yarn import law, piecewise_fit
 from knitsim.yarn.breaking import last_before_break, noise
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from knitsim.configuration.curve_file import read_curve
 from knitsim.errors import InputError
+from knitsim.measured.yarn_curve import read_curve
 
 LEAST_POINTS = 4
 

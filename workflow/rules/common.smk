@@ -7,8 +7,8 @@ import re
 import sys
 from pathlib import Path
 
-from knitsim.configuration.measured_checks import config_of, names_of
-from knitsim.configuration.study import load_study
+from knitsim.study.measured_checks import config_of, names_of
+from knitsim.study.study import load_study
 from knitsim.errors import InputError
 from knitsim.figures import catalogue
 from knitsim.files import cache_root

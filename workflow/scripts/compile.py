@@ -3,8 +3,8 @@
 from knitsim.stages.job import job
 
 with job(snakemake):
-    from knitsim.configuration.study import load_study
     from knitsim.stages.compile import run
+    from knitsim.study.study import load_study
 
     study = load_study(snakemake.params.small, fallback=snakemake.params.small)
     run(snakemake.params.part, study).write(snakemake.output.timings)

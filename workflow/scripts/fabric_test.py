@@ -7,9 +7,9 @@ from knitsim.stages.job import job
 with job(snakemake):
     import xarray
 
-    from knitsim.configuration.study import load_study
     from knitsim.stages.laws import FORMS, law_from
     from knitsim.store.writer import write
+    from knitsim.study.study import load_study
 
     stage = import_module(f"knitsim.stages.{snakemake.rule}")
     fabric = load_study(snakemake.config["study"]).fabrics[snakemake.wildcards.fabric]

@@ -5,10 +5,10 @@ from knitsim.stages.job import job
 with job(snakemake):
     import xarray
 
-    from knitsim.configuration.study import load_study
     from knitsim.stages.calibration import run
     from knitsim.stages.laws import FORMS, law_from
     from knitsim.store.writer import write
+    from knitsim.study.study import load_study
 
     fabric = load_study(snakemake.config["study"]).fabrics[snakemake.wildcards.fabric]
     with xarray.open_dataset(snakemake.input.yarn) as yarn:

@@ -3,9 +3,9 @@
 from knitsim.stages.job import job
 
 with job(snakemake):
-    from knitsim.configuration.study import load_study
     from knitsim.stages.skipping import COLUMNS, run
     from knitsim.store.timing import write_csv
+    from knitsim.study.study import load_study
 
     study = load_study(snakemake.config["study"])
     fabrics = [study.fabrics[name] for name in snakemake.params.fabrics]

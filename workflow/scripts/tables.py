@@ -3,9 +3,9 @@
 from knitsim.stages.job import job
 
 with job(snakemake):
-    from knitsim.configuration.study import load_study
     from knitsim.stages.kes_table import curl_table, kes_table
     from knitsim.stages.tables import assumption_table, correction_table, timing_table
+    from knitsim.study.study import load_study
 
     study = load_study(snakemake.config["study"])
     timing_table(snakemake.input.timings, snakemake.output.timing)

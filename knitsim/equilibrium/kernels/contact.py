@@ -1,0 +1,363 @@
+"""Contact between yarns: pair search, contact laws, energy with exact derivatives (compiled).
+
+Contact is an energy v(D) per length squared of unordered pairs of points, D the distance of the
+centre lines, integrated by points of equal arc length.  A pair (i, k, g) is own point i against the
+image of own point k under operation g.  Each unordered pair is visited once: i < k with every g;
+i = k with one of g and its inverse, at half weight where g is its own inverse.
+"""
+
+import math
+
+import numpy as np
+
+from knitsim.jit import njit
+
+CHUNK = 8  # points per bounding box of the pair search
+
+
+@njit
+def law_at(square, law):
+    """Energy v (N/m) and its first two derivatives by the squared distance; inside a core: inf.
+
+    law as in :class:`knitsim.equilibrium.kernels.records.Scene`.  Barrier: v = K (1 - x^2)^2/x^2, x = D/d.
+    Core: v = k delta^2/(p (p-1)) [z^(1-p) - 1 - (p-1)(1-z)], z = (D - core)/delta, delta = d - core.
+    """
+    d2 = law[2] * law[2]
+    if square >= d2:
+        return 0.0, 0.0, 0.0
+    if law[0] == 0.0:
+        s = square / d2
+        i = 1.0 / s
+        return law[1] * (i - 2.0 + s), law[1] * (1.0 - i * i) / d2, 2.0 * law[1] * i**3 / (d2 * d2)
+    distance = math.sqrt(square)
+    if distance <= law[3]:
+        return math.inf, 0.0, 0.0
+    delta, p = law[2] - law[3], law[5]
+    z = (distance - law[3]) / delta
+    power = z ** (-p)
+    v = law[4] * delta**2 / (p * (p - 1)) * (z * power - 1.0 - (p - 1) * (1.0 - z))
+    by_d = law[4] * delta / p * (1.0 - power)
+    by_dd = law[4] * power / z
+    # d/d(D^2) = (1/2D) d/dD
+    first = 0.5 * by_d / distance
+    return v, first, 0.25 * (by_dd - by_d / distance) / square
+
+
+@njit
+def place_points(touch, x, points):
+    """Fill points (m, 3) with the positions of the contact points."""
+    for i in range(touch.points.size):
+        f, basis = touch.points[i].first, touch.points[i].basis
+        for axis in range(3):
+            points[i, axis] = (
+                basis[0] * x[f, axis]
+                + basis[1] * x[f + 1, axis]
+                + basis[2] * x[f + 2, axis]
+                + basis[3] * x[f + 3, axis]
+            )
+
+
+@njit
+def boxes_of(points, size, low, high):
+    """Fill low, high (chunks, 3) with the bounds of runs of ``size`` points."""
+    for c in range(low.shape[0]):
+        for axis in range(3):
+            lo = hi = points[c * size, axis]
+            for i in range(c * size + 1, min(points.shape[0], (c + 1) * size)):
+                lo = min(lo, points[i, axis])
+                hi = max(hi, points[i, axis])
+            low[c, axis] = lo
+            high[c, axis] = hi
+
+
+@njit
+def image_is_far(sign, shift, low, high, own_low, own_high, reach):
+    """Whether the image of the box (low, high) is further than ``reach`` from the own box."""
+    for axis in range(3):
+        a = sign[axis] * low[axis] + shift[axis]
+        b = sign[axis] * high[axis] + shift[axis]
+        if min(a, b) - own_high[axis] > reach or own_low[axis] - max(a, b) > reach:
+            return True
+    return False
+
+
+@njit
+def find_pairs(touch, points, lattice, reach):
+    """All pairs closer than ``reach`` (m): pairs (n, 3) of i, k, g and their weights (n,).
+
+    Bounding boxes of runs of CHUNK points are compared first.
+    """
+    m = points.shape[0]
+    chunks = (m + CHUNK - 1) // CHUNK
+    low, high = np.empty((chunks, 3)), np.empty((chunks, 3))
+    boxes_of(points, np.int64(CHUNK), low, high)
+    whole_low, whole_high = np.empty((1, 3)), np.empty((1, 3))
+    boxes_of(points, m, whole_low, whole_high)
+    image_at = np.empty((3, m))
+    near = np.empty((CHUNK * CHUNK, 2), dtype=np.int64)
+    pairs = np.empty((1024, 3), dtype=np.int64)
+    weight = np.empty(1024)
+    count = 0
+    for g in range(touch.images.size):
+        image = touch.images[g]
+        sign = (image.sign[0], image.sign[1], image.sign[2])
+        t0 = image.steps[0] * lattice[0] + image.steps[1] * lattice[2]
+        t1 = image.steps[0] * lattice[1] + image.steps[1] * lattice[3]
+        shift = (t0, t1, 0.0)
+        if image_is_far(
+            sign, shift, whole_low[0], whole_high[0], whole_low[0], whole_high[0], reach
+        ):
+            continue
+        for axis in range(3):
+            for k in range(m):
+                image_at[axis, k] = sign[axis] * points[k, axis] + shift[axis]
+        for ci in range(chunks):
+            for ck in range(ci, chunks):
+                if image_is_far(sign, shift, low[ck], high[ck], low[ci], high[ci], reach):
+                    continue
+                found = near_points(points, image_at, ci, ck, reach, near)
+                if count + found > weight.size:
+                    pairs, weight = _resized(pairs, weight, 2 * weight.size)
+                for j in range(found):
+                    i, k = near[j, 0], near[j, 1]
+                    factor = pair_factor(touch, i, k, g)
+                    if factor > 0.0:
+                        pairs[count, 0], pairs[count, 1], pairs[count, 2] = i, k, g
+                        weight[count] = factor
+                        count += 1
+    return _resized(pairs, weight, count)
+
+
+@njit
+def near_points(points, image_at, ci, ck, reach, near):
+    """Fill near with the i of run ci and k >= i of run ck closer than reach; returns how many."""
+    m, square, found = points.shape[0], reach * reach, 0
+    for i in range(ci * CHUNK, min(m, (ci + 1) * CHUNK)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for k in range(max(i, ck * CHUNK), min(m, (ck + 1) * CHUNK)):
+            d0, d1, d2 = x - image_at[0, k], y - image_at[1, k], z - image_at[2, k]
+            # Written always and kept by counting: a branch here costs more than the distance.
+            near[found, 0], near[found, 1] = i, k
+            found += d0 * d0 + d1 * d1 + d2 * d2 < square
+    return found
+
+
+@njit
+def pair_factor(touch, i, k, g):
+    """Weight (m2) of the pair (i, k, g), i <= k; 0 where it does not count."""
+    image = touch.images[g]
+    own, other = touch.points[i], touch.points[k]
+    if image.same and own.yarn == other.yarn:
+        if abs(own.arc - (image.arc_sign * other.arc + image.arc_shift)) < touch.exclude:
+            return 0.0
+    factor = touch.copies * own.length * other.length
+    if i == k:
+        if image.inverse == g:
+            factor *= 0.5
+        elif g > image.inverse >= 0:
+            return 0.0
+    return factor
+
+
+@njit
+def _resized(pairs, weight, size):
+    """Copies with room for ``size`` pairs, as many of the old ones in them as there is room for."""
+    more = np.empty((size, 3), dtype=np.int64)
+    longer = np.empty(size)
+    for i in range(min(size, weight.size)):
+        longer[i] = weight[i]
+        for axis in range(3):
+            more[i, axis] = pairs[i, axis]
+    return more, longer
+
+
+@njit
+def isotropic_plus(first, second, d):
+    """The matrix first I + second d d^T as a tuple of rows."""
+    x, y, z = second * d[0], second * d[1], second * d[2]
+    return (
+        (first + x * d[0], x * d[1], x * d[2]),
+        (x * d[1], first + y * d[1], y * d[2]),
+        (x * d[2], y * d[2], first + z * d[2]),
+    )
+
+
+@njit
+def separation(touch, points, lattice, pair):
+    """d, from the image of point k to point i (m)."""
+    i, k, g = pair
+    sign, steps = touch.images[g].sign, touch.images[g].steps
+    m1, m2 = steps[0], steps[1]
+    return (
+        points[i, 0] - sign[0] * points[k, 0] - m1 * lattice[0] - m2 * lattice[2],
+        points[i, 1] - sign[1] * points[k, 1] - m1 * lattice[1] - m2 * lattice[3],
+        points[i, 2] - sign[2] * points[k, 2],
+    )
+
+
+@njit
+def add_pushes(touch, near, push, order, gradient, half):
+    """Add energies of pairs, given by their d, to the gradient and Hessian by points and lattice.
+
+    near (n, 3): i, k, g; push (n, 9): of each pair the gradient by d and the Hessian xx, xy, xz, yy,
+    yz, zz.  d = x_i - sign x_k - m1 a1 - m2 a2, so that dd/dx_k = -sign, dd/da1 = -m1, dd/da2 = -m2.
+    order as in ``add_contact``.  Sums by contact point come first, the basis of the spline last.
+    """
+    points, images = touch.points, touch.images
+    n = gradient.size - 4
+    force = np.zeros((points.size, 3))
+    for j in range(near.shape[0]):
+        i, k, g = near[j, 0], near[j, 1], near[j, 2]
+        for axis in range(3):
+            f = push[j, axis]
+            force[i, axis] += f
+            force[k, axis] -= images[g].sign[axis] * f
+            if axis < 2:
+                gradient[n + axis] -= images[g].steps[0] * f
+                gradient[n + 2 + axis] -= images[g].steps[1] * f
+    for i in range(points.size):
+        row = 3 * points[i].first
+        for a in range(4):
+            for axis in range(3):
+                gradient[row + 3 * a + axis] += points[i].basis[a] * force[i, axis]
+    if order == 2:
+        add_stiffness(touch, near, push, half)
+
+
+@njit
+def add_stiffness(touch, near, push, half):
+    """The Hessian's part of :func:`add_pushes`: a matrix A with Hessian = A + A^T."""
+    points, images = touch.points, touch.images
+    # By contact point: Hessian by its place, packed as in push; by its place and L, (3, 4).
+    own, mixed = np.zeros((points.size, 6)), np.zeros((points.size, 3, 4))
+    # Over a run of pairs with the same i, g and span of k: sum, and sum with each basis value of k.
+    total, cross = np.zeros(6), np.zeros((4, 6))
+    for j in range(near.shape[0]):
+        i, k, g = near[j, 0], near[j, 1], near[j, 2]
+        sign, steps = images[g].sign, images[g].steps
+        for e in range(6):
+            h = push[j, 3 + e]
+            total[e] += h
+            for b in range(4):
+                cross[b, e] += points[k].basis[b] * h
+        s0, s1, s2 = sign[0], sign[1], sign[2]
+        xx, xy, xz = push[j, 3], push[j, 4], push[j, 5]
+        yy, yz, zz = push[j, 6], push[j, 7], push[j, 8]
+        own[k, 0] += xx
+        own[k, 1] += s0 * s1 * xy
+        own[k, 2] += s0 * s2 * xz
+        own[k, 3] += yy
+        own[k, 4] += s1 * s2 * yz
+        own[k, 5] += zz
+        for c in range(2):
+            m = steps[c]
+            if m != 0.0:
+                mixed[k, 0, 2 * c] += m * s0 * xx
+                mixed[k, 0, 2 * c + 1] += m * s0 * xy
+                mixed[k, 1, 2 * c] += m * s1 * xy
+                mixed[k, 1, 2 * c + 1] += m * s1 * yy
+                mixed[k, 2, 2 * c] += m * s2 * xz
+                mixed[k, 2, 2 * c + 1] += m * s2 * yz
+        after = j + 1
+        if after < near.shape[0] and near[after, 0] == i and near[after, 2] == g:
+            if points[near[after, 1]].first == points[k].first:
+                continue
+        add_run(points, i, k, images[g], total, cross, half)
+        for e in range(6):
+            own[i, e] += total[e]
+        for c in range(2):
+            m = steps[c]
+            if m != 0.0:
+                mixed[i, 0, 2 * c] -= m * total[0]
+                mixed[i, 0, 2 * c + 1] -= m * total[1]
+                mixed[i, 1, 2 * c] -= m * total[1]
+                mixed[i, 1, 2 * c + 1] -= m * total[3]
+                mixed[i, 2, 2 * c] -= m * total[2]
+                mixed[i, 2, 2 * c + 1] -= m * total[4]
+        total[:] = 0.0
+        cross[:] = 0.0
+    for i in range(points.size):
+        if own[i, 0] != 0.0 or own[i, 3] != 0.0 or own[i, 5] != 0.0:
+            add_own(points, i, own, mixed, half)
+
+
+@njit
+def add_run(points, i, k, image, total, cross, half):
+    """Add the Hessian between point i and the points of the span of k, and that by the lattice."""
+    n = half.shape[0] - 4
+    row, column = 3 * points[i].first, 3 * points[k].first
+    sign, steps = image.sign, image.steps
+    for b in range(4):
+        h = (
+            (cross[b, 0] * sign[0], cross[b, 1] * sign[1], cross[b, 2] * sign[2]),
+            (cross[b, 1] * sign[0], cross[b, 3] * sign[1], cross[b, 4] * sign[2]),
+            (cross[b, 2] * sign[0], cross[b, 4] * sign[1], cross[b, 5] * sign[2]),
+        )
+        for a in range(4):
+            f = points[i].basis[a]
+            for r in range(3):
+                for q in range(3):
+                    half[row + 3 * a + r, column + 3 * b + q] -= f * h[r][q]
+    for c in range(2):
+        for e in range(2):
+            m = 0.5 * steps[c] * steps[e]
+            if m != 0.0:
+                half[n + 2 * c, n + 2 * e] += m * total[0]
+                half[n + 2 * c, n + 2 * e + 1] += m * total[1]
+                half[n + 2 * c + 1, n + 2 * e] += m * total[1]
+                half[n + 2 * c + 1, n + 2 * e + 1] += m * total[3]
+
+
+@njit
+def add_own(points, i, own, mixed, half):
+    """Add the Hessian by the place of point i (packed as in ``add_pushes``), and by it and L."""
+    n, row = half.shape[0] - 4, 3 * points[i].first
+    basis = points[i].basis
+    h = (
+        (own[i, 0], own[i, 1], own[i, 2]),
+        (own[i, 1], own[i, 3], own[i, 4]),
+        (own[i, 2], own[i, 4], own[i, 5]),
+    )
+    for a in range(4):
+        for b in range(a + 1):
+            f = basis[a] * basis[b] * (0.5 if a == b else 1.0)
+            for r in range(3):
+                for q in range(3):
+                    half[row + 3 * a + r, row + 3 * b + q] += f * h[r][q]
+        for r in range(3):
+            for e in range(4):
+                half[row + 3 * a + r, n + e] += basis[a] * mixed[i, r, e]
+
+
+@njit
+def add_contact(scene, points, lattice, pairs, order, gradient, half):
+    """Contact energy (J) and the smallest squared distance of the listed pairs (m2).
+
+    pairs: (pairs, weights).  order 1 adds to gradient, order 2 also to ``half`` (Hessian = A + A^T).
+    """
+    touch, law = scene.touch, scene.law
+    listed, weight = pairs
+    size = weight.size if order > 0 else 0
+    near, push = np.empty((size, 3), dtype=np.int64), np.empty((size, 9))
+    energy, closest, count = 0.0, math.inf, 0
+    outside = law[2] * law[2]
+    for j in range(weight.size):
+        i, k, g = listed[j, 0], listed[j, 1], listed[j, 2]
+        x, y, z = separation(touch, points, lattice, (i, k, g))
+        square = x * x + y * y + z * z
+        closest = min(closest, square)
+        if square >= outside:
+            continue
+        v, v1, v2 = law_at(square, law)
+        energy += weight[j] * v
+        if order == 0:
+            continue
+        f, h = 2.0 * weight[j] * v1, 4.0 * weight[j] * v2
+        near[count, 0], near[count, 1], near[count, 2] = i, k, g
+        push[count, 0], push[count, 1], push[count, 2] = f * x, f * y, f * z
+        push[count, 3], push[count, 4], push[count, 5] = f + h * x * x, h * x * y, h * x * z
+        push[count, 6], push[count, 7], push[count, 8] = f + h * y * y, h * y * z, f + h * z * z
+        count += 1
+    if count > 0:
+        add_pushes(touch, near[:count], push[:count], order, gradient, half)
+    return energy, closest

@@ -1,0 +1,299 @@
+"""The energies of a fabric bent to a cylinder (compiled).
+
+The fabric's own coordinates stay flat: x along the bent direction, y along the cylinder's axis, z
+the thickness; the fabric point (x, y, z) lies at the angle kappa x and the radius 1/kappa + z.  A
+translation in x is then a rotation about the axis, so that lattice, images, symmetry and the map of
+the unknowns are those of the flat fabric.  In the frame of the cylinder, with m = 1 + kappa z,
+
+    velocity     = (m x', y', z')
+    acceleration = (m x'' + 2 kappa x' z', y'', z'' - kappa m x'^2)
+    distance^2   = dy^2 + dz^2 + m_1 m_2 q,   q = (2 sin(kappa dx/2)/kappa)^2,
+
+all regular at kappa = 0.  kappa > 0 makes the technical face (z > 0) convex.  The plane z = 0, to
+which kappa and the spacings belong, is the mean of the centre line (held by the map).
+
+What is prescribed is the angle of one loop, kappa times the spacing w along the bent direction, so
+that kappa = angle/w follows the unknown w.  The energy at a given angle then has its minimum by w
+where the force through a cut is zero, whatever the plane z = 0.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from knitsim.equilibrium.kernels.contact import law_at
+from knitsim.equilibrium.kernels.yarn import add_form, yarn_point
+from knitsim.jit import njit
+
+
+class Bent(NamedTuple):
+    """Where the curved energies add their derivatives.
+
+    gradient, half: by control points and lattice at fixed kappa, as in ``add_contact``; mixed (as
+    gradient): derivative of the gradient by kappa; by_kappa (2,): first and second derivative.
+    """
+
+    gradient: np.ndarray
+    half: np.ndarray
+    mixed: np.ndarray
+    by_kappa: np.ndarray
+
+
+@njit
+def curvature_at(bend, lattice):
+    """kappa (1/m): the angle of one loop over its spacing along the bent direction."""
+    return bend.angle / lattice[3 * bend.direction]
+
+
+@njit
+def chord_square(delta, kappa):
+    """q, its first two derivatives by dx; by kappa the first of q and of dq/ddx, the second of q."""
+    angle = kappa * delta
+    if abs(angle) < 1e-2:
+        a, s = angle * angle, delta * delta
+        return (
+            s * (1.0 - a / 12.0 + a * a / 360.0),
+            2.0 * delta * (1.0 - a / 6.0 + a * a / 120.0),
+            2.0 * (1.0 - a / 2.0 + a * a / 24.0),
+            kappa * s * s * (-1.0 / 6.0 + a / 90.0 - a * a / 3360.0),
+            kappa * s * delta * (-2.0 / 3.0 + a / 15.0 - a * a / 420.0),
+            s * s * (-1.0 / 6.0 + a / 30.0 - a * a / 672.0),
+        )
+    q = (2.0 * math.sin(0.5 * angle) / kappa) ** 2
+    first, second = 2.0 * math.sin(angle) / kappa, 2.0 * math.cos(angle)
+    by_kappa, mixed = (delta * first - 2.0 * q) / kappa, (delta * second - first) / kappa
+    return q, first, second, by_kappa, mixed, (delta * mixed - 3.0 * by_kappa) / kappa
+
+
+# The local variables of a Gauss point: x', y', z', x'', y'', z'', z, each an axis and a row of the
+# derivatives of the basis.
+@njit
+def local_variables(point, bent, axes, weights):
+    """Fill axes (7,) and weights (7, 4) of a Gauss point."""
+    for i in range(7):
+        axes[i] = i % 3
+    axes[6] = 2
+    if bent == 1:
+        for i in range(2):
+            axes[i], axes[3 + i] = 1 - i, 1 - i
+    for k in range(4):
+        for i in range(3):
+            weights[i, k], weights[3 + i, k] = point.d1[k], point.d2[k]
+        weights[6, k] = point.d0[k]
+
+
+@njit
+def local_values(first, x, axes, weights, local):
+    """Fill local (7,) from the control points x."""
+    for i in range(7):
+        local[i] = 0.0
+        for k in range(4):
+            local[i] += weights[i, k] * x[first + k, axes[i]]
+
+
+@njit
+def motion(local, kappa):
+    """Velocity and acceleration by the parameter in the frame of the cylinder."""
+    u, z1, m = local[0], local[2], 1.0 + kappa * local[6]
+    v = (m * u, local[1], z1)
+    return v, (m * local[3] + 2.0 * kappa * u * z1, local[4], local[5] - kappa * m * u * u)
+
+
+@njit
+def add_local(first, local, kappa, order, table, out):
+    """Add an energy of velocity and acceleration by way of the local variables.
+
+    table: form (6,), tangent (6, 6) as in ``yarn_point``, axes, weights.
+    """
+    form, tangent, axes, weights = table
+    u, z1, a, z = local[0], local[2], local[3], local[6]
+    m = 1.0 + kappa * z
+    # Derivative of (velocity, acceleration) by kappa: entries 0, 3 and 5.
+    p0, p3, p5 = z * u, z * a + 2.0 * u * z1, -(1.0 + 2.0 * kappa * z) * u * u
+    out.by_kappa[0] += form[0] * p0 + form[3] * p3 + form[5] * p5
+    jacobian = np.zeros((6, 7))
+    jacobian[0, 0], jacobian[0, 6], jacobian[1, 1], jacobian[2, 2] = m, kappa * u, 1.0, 1.0
+    jacobian[3, 3], jacobian[3, 0], jacobian[3, 2] = m, 2.0 * kappa * z1, 2.0 * kappa * u
+    jacobian[3, 6], jacobian[4, 4], jacobian[5, 5] = kappa * a, 1.0, 1.0
+    jacobian[5, 0], jacobian[5, 6] = -2.0 * kappa * m * u, -kappa * kappa * u * u
+    for i in range(7):
+        g = 0.0
+        for r in range(6):
+            g += jacobian[r, i] * form[r]
+        for k in range(4):
+            out.gradient[3 * (first + k) + axes[i]] += g * weights[i, k]
+    if order == 1:
+        return
+    chained, matrix, turned = np.zeros((6, 7)), np.zeros((7, 7)), np.empty(6)
+    for r in range(6):
+        turned[r] = tangent[r, 0] * p0 + tangent[r, 3] * p3 + tangent[r, 5] * p5
+        for s in range(6):
+            for i in range(7):
+                chained[r, i] += tangent[r, s] * jacobian[s, i]
+    for r in range(6):
+        for i in range(7):
+            if jacobian[r, i] != 0.0:
+                for j in range(7):
+                    matrix[i, j] += jacobian[r, i] * chained[r, j]
+    # Curvature of the map itself: m x', m x'' + 2 kappa x' z', -kappa m x'^2.
+    matrix[0, 6] += form[0] * kappa - form[5] * 2.0 * kappa * kappa * u
+    matrix[6, 0] += form[0] * kappa - form[5] * 2.0 * kappa * kappa * u
+    matrix[3, 6] += form[3] * kappa
+    matrix[6, 3] += form[3] * kappa
+    matrix[0, 2] += form[3] * 2.0 * kappa
+    matrix[2, 0] += form[3] * 2.0 * kappa
+    matrix[0, 0] -= form[5] * 2.0 * kappa * m
+    add_form(first, axes, weights, matrix, out.half)
+    out.by_kappa[1] += turned[0] * p0 + turned[3] * p3 + turned[5] * p5 - form[5] * 2.0 * z * u * u
+    for i in range(7):
+        g = 0.0
+        for r in range(6):
+            g += jacobian[r, i] * turned[r]
+        # Change of the local derivatives with kappa.
+        if i == 0:
+            g += form[0] * z + form[3] * 2.0 * z1 - form[5] * 2.0 * (1.0 + 2.0 * kappa * z) * u
+        elif i == 2:
+            g += form[3] * 2.0 * u
+        elif i == 3:
+            g += form[3] * z
+        elif i == 6:
+            g += form[0] * u + form[3] * a - form[5] * 2.0 * kappa * u * u
+        for k in range(4):
+            out.mixed[3 * (first + k) + axes[i]] += g * weights[i, k]
+
+
+@njit
+def add_curved_yarn(scene, kappa, x, order, out, terms):
+    """As :func:`knitsim.equilibrium.kernels.yarn.add_yarn`, with the derivatives by kappa."""
+    axes, weights, local = np.empty(7, dtype=np.int64), np.empty((7, 4)), np.empty(7)
+    form, tangent = np.empty(6), np.empty((6, 6))
+    for point in scene.rod:
+        local_variables(point, scene.bend.direction, axes, weights)
+        local_values(point.first, x, axes, weights, local)
+        v, w = motion(local, kappa)
+        yarn_point(point, scene.stretch, v, w, order, form, tangent, terms)
+        if order > 0:
+            add_local(point.first, local, kappa, order, (form, tangent, axes, weights), out)
+
+
+@njit
+def gaps_at(scene, points, lattice, pair):
+    """dx, dy, z_i, z_k of a pair in the fabric's coordinates (m)."""
+    i, k, g = pair
+    bent = scene.bend.direction
+    other = 1 - bent
+    image = scene.touch.images[g]
+    m1, m2 = image.steps[0], image.steps[1]
+    dx = points[i, bent] - image.sign[bent] * points[k, bent]
+    dy = points[i, other] - image.sign[other] * points[k, other]
+    return (
+        dx - m1 * lattice[bent] - m2 * lattice[2 + bent],
+        dy - m1 * lattice[other] - m2 * lattice[2 + other],
+        points[i, 2],
+        points[k, 2],
+    )
+
+
+@njit
+def add_gaps(scene, pair, order, slope, bend, table, out):
+    """Add an energy of (dx, dy, z_i, z_k, kappa) with gradient slope (5,) and Hessian bend (5, 5).
+
+    Of bend only the upper triangle counts.  table: buffers (4, 10) for rows and factors.
+    """
+    i, k, g = pair
+    touch, bent = scene.touch, scene.bend.direction
+    other, n = 1 - bent, out.gradient.size - 4
+    row, factor = table
+    image = touch.images[g]
+    m1, m2 = image.steps[0], image.steps[1]
+    # The four as linear forms of control points and lattice.
+    for a in range(4):
+        ri, rk = 3 * (touch.points[i].first + a), 3 * (touch.points[k].first + a)
+        bi, bk = touch.points[i].basis[a], touch.points[k].basis[a]
+        row[0, a], factor[0, a] = ri + bent, bi
+        row[0, 4 + a], factor[0, 4 + a] = rk + bent, -image.sign[bent] * bk
+        row[1, a], factor[1, a] = ri + other, bi
+        row[1, 4 + a], factor[1, 4 + a] = rk + other, -image.sign[other] * bk
+        row[2, a], factor[2, a] = ri + 2, bi
+        row[3, a], factor[3, a] = rk + 2, bk
+    row[0, 8], row[0, 9], factor[0, 8], factor[0, 9] = n + bent, n + 2 + bent, -m1, -m2
+    row[1, 8], row[1, 9], factor[1, 8], factor[1, 9] = n + other, n + 2 + other, -m1, -m2
+    out.by_kappa[0] += slope[4]
+    for a in range(4):
+        for r in range(10 if a < 2 else 4):
+            out.gradient[row[a, r]] += slope[a] * factor[a, r]
+    if order == 1:
+        return
+    out.by_kappa[1] += bend[4, 4]
+    for a in range(4):
+        for r in range(10 if a < 2 else 4):
+            out.mixed[row[a, r]] += bend[a, 4] * factor[a, r]
+        for b in range(a, 4):
+            h = bend[a, b] * (0.5 if a == b else 1.0)
+            if h == 0.0:
+                continue
+            for r in range(10 if a < 2 else 4):
+                left = h * factor[a, r]
+                for s in range(10 if b < 2 else 4):
+                    out.half[row[a, r], row[b, s]] += left * factor[b, s]
+
+
+@njit
+def add_curved_contact(scene, kappa, points, lattice, pairs, order, out):
+    """As :func:`knitsim.equilibrium.kernels.contact.add_contact`, with the derivatives by kappa."""
+    listed, weight = pairs
+    energy, closest = 0.0, math.inf
+    table = (np.zeros((4, 10), dtype=np.int64), np.zeros((4, 10)))
+    slope, bend, by = np.zeros(5), np.zeros((5, 5)), np.zeros(5)
+    for j in range(weight.size):
+        pair = (listed[j, 0], listed[j, 1], listed[j, 2])
+        dx, dy, zi, zk = gaps_at(scene, points, lattice, pair)
+        mi, mk, dz = 1.0 + kappa * zi, 1.0 + kappa * zk, zi - zk
+        q, q1, q2, qk, q1k, qkk = chord_square(dx, kappa)
+        square = dy * dy + dz * dz + mi * mk * q
+        closest = min(closest, square)
+        v, v1, v2 = law_at(square, scene.law)
+        if v == 0.0:
+            continue
+        energy += weight[j] * v
+        if order == 0:
+            continue
+        first, second = weight[j] * v1, weight[j] * v2
+        both, cross = mi * mk, zi * mk + zk * mi
+        # Derivatives of the squared distance.
+        by[0], by[1] = both * q1, 2.0 * dy
+        by[2], by[3] = 2.0 * dz + kappa * mk * q, -2.0 * dz + kappa * mi * q
+        by[4] = cross * q + both * qk
+        for a in range(5):
+            slope[a] = first * by[a]
+        if order == 2:
+            for a in range(5):
+                for b in range(a, 5):
+                    bend[a, b] = second * by[a] * by[b]
+            bend[0, 0] += first * both * q2
+            bend[0, 2] += first * kappa * mk * q1
+            bend[0, 3] += first * kappa * mi * q1
+            bend[0, 4] += first * (cross * q1 + both * q1k)
+            bend[1, 1] += 2.0 * first
+            bend[2, 2] += 2.0 * first
+            bend[3, 3] += 2.0 * first
+            bend[2, 3] += first * (kappa * kappa * q - 2.0)
+            bend[2, 4] += first * ((mk + kappa * zk) * q + kappa * mk * qk)
+            bend[3, 4] += first * ((mi + kappa * zi) * q + kappa * mi * qk)
+            bend[4, 4] += first * (2.0 * zi * zk * q + 2.0 * cross * qk + both * qkk)
+        add_gaps(scene, pair, order, slope, bend, table, out)
+    return energy, closest
+
+
+@njit
+def add_angle(bend, lattice, order, out):
+    """Add what the spacing does by way of kappa = angle/w to gradient and half."""
+    at = out.gradient.size - 4 + 3 * bend.direction
+    w = lattice[3 * bend.direction]
+    turn = -curvature_at(bend, lattice) / w
+    out.gradient[at] += out.by_kappa[0] * turn
+    if order == 2:
+        for r in range(out.mixed.size):
+            out.half[at, r] += turn * out.mixed[r]
+        out.half[at, at] += 0.5 * out.by_kappa[1] * turn * turn - out.by_kappa[0] * turn / w

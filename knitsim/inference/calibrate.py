@@ -1,0 +1,486 @@
+"""Inputs of a fabric found from its measured curves: robust nonlinear least squares.
+
+At most three inputs are free between bounds.  The residual is the strain at the measured force, or
+the force at the measured strain; of all points the squares are summed, points far out counting less.
+A fabric that has no equilibrium, or does not reach the measured points, turns a trial down and is
+noted; the fit goes on.
+"""
+
+import itertools
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from knitsim.equilibrium.fabric import Fabric, Resolution
+from knitsim.errors import ComputationError, InputError
+from knitsim.inference import curve_points as curves_
+from knitsim.inference.bending_points import Bending, bending_points
+from knitsim.inference.continuation import (
+    Sensitivity,
+    States,
+    check_input,
+    common_resolution,
+    value_of,
+    varied,
+)
+from knitsim.inference.curve_points import Tension
+from knitsim.inference.statistics import (
+    Spread,
+    robust_scale,
+    soft,
+    spread,
+    warnings_of,
+)
+from knitsim.study.measured_keys import MOST_FREE
+
+KINDS = ("strain", "force")
+MISFITS = ("relative", "absolute", "band")
+PENALTY = 1e3  # residual of a trial that failed: far beyond any that succeeds
+MOST_TRIALS = 60
+STEP = 1e-3  # of a value, for differences between solved tests
+LEAST_STEP = 1e-3  # of the range between the bounds, for values near zero
+FLOOR = 0.05  # of the largest measured value: a relative misfit divides by no less
+TOLERANCES = {"ftol": 1e-6, "xtol": 1e-6, "gtol": 1e-7}
+PROFILE_AT = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)  # standard errors
+PROFILE_STEPS, PROFILE_GAIN = 3, 0.01  # steps at most, and while the misfit falls by as much
+ON_BOUND, SAME = 1e-4, 1e-3  # of the range; of the sum of squares
+_FAILURES = (ComputationError, InputError)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A free input: its name in :data:`knitsim.inference.continuation.INPUTS`, its bounds (SI)
+    and where the search starts (the fabric's own value without it)."""
+
+    name: str
+    low: float
+    high: float
+    start: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is to be fitted.
+
+    fabric: with all other inputs; parameters: one to three :class:`Parameter`; curves: measured
+    :class:`Tension` and :class:`Bending`; kind: "strain" at given force or "force" at given strain
+    (bending: always the moment); misfit: "relative" to the measured value (no less than 5 % of the
+    largest), "absolute" (over the largest of the curve) or "band" (over half the measured band);
+    resolution, states: of the solver, states up to the largest measured strain.
+    """
+
+    fabric: Fabric
+    parameters: tuple
+    curves: tuple
+    kind: str = "strain"
+    misfit: str = "relative"
+    resolution: Resolution | None = None
+    states: int = curves_.STATES
+
+    def __post_init__(self):
+        parameters, curves = tuple(self.parameters), tuple(self.curves)
+        object.__setattr__(self, "parameters", parameters)
+        object.__setattr__(self, "curves", curves)
+        names = [p.name for p in parameters]
+        if not 1 <= len(names) <= MOST_FREE or len(set(names)) < len(names):
+            raise InputError("free parameters", names, f"must be 1 to {MOST_FREE}, each once")
+        for p in parameters:
+            check_input(p.name, self.fabric)
+            if not (math.isfinite(p.low) and math.isfinite(p.high) and p.low < p.high):
+                raise InputError(f"{p.name}: bounds", [p.low, p.high], "must be finite and rising")
+            start = self._start(p)
+            if not p.low <= start <= p.high:
+                raise InputError(
+                    f"{p.name}: start",
+                    start,
+                    f"must lie within its bounds, {p.low:g} to {p.high:g}",
+                )
+        if not curves or not all(isinstance(c, Tension | Bending) for c in curves):
+            raise InputError("curves", len(curves), "must be one or more Tension or Bending")
+        if len({c.name for c in curves}) < len(curves):
+            raise InputError("curves", [c.name for c in curves], "must have different names")
+        if self.kind not in KINDS:
+            raise InputError("residual", self.kind, f"must be {' or '.join(KINDS)}")
+        if self.misfit not in MISFITS:
+            raise InputError("misfit", self.misfit, f"must be one of {', '.join(MISFITS)}")
+        banded = self.kind == "strain" and all(
+            isinstance(c, Tension) and c.low is not None for c in curves
+        )
+        if self.misfit == "band" and not banded:
+            raise InputError(
+                "misfit", "band", "needs strain at given force, and bands of all curves"
+            )
+        size = sum(int((c.weight > 0).sum()) for c in curves)
+        if size <= len(names):
+            raise InputError(
+                "measured points", size, f"must be more than the {len(names)} free parameters"
+            )
+
+    def _start(self, parameter):
+        if parameter.start is None:
+            return value_of(self.fabric, parameter.name)
+        return float(parameter.start)
+
+    @property
+    def names(self):
+        return tuple(p.name for p in self.parameters)
+
+    @property
+    def bounds(self):
+        """(parameters, 2), SI."""
+        return np.array([[p.low, p.high] for p in self.parameters], dtype=float)
+
+    @property
+    def start(self):
+        """(parameters,), SI."""
+        return np.array([self._start(p) for p in self.parameters])
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Misfit along one parameter, the others fitted again; values (n,) SI rising, misfit (n,) rms
+    (NaN where no fabric was found)."""
+
+    name: str
+    values: np.ndarray
+    misfit: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """One curve after the fit, (n,) each: measured and model values (strain, N/m or N), residual."""
+
+    name: str
+    measured: np.ndarray
+    model: np.ndarray
+    residual: np.ndarray
+
+    @property
+    def rms(self):
+        return float(np.sqrt(np.mean(self.residual**2)))
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A fit: what was found and how far to trust it.
+
+    fabric: with the fitted inputs; names, values, low, high (parameters,): fitted inputs and their
+    95 % intervals, each by itself, cut at the bounds; spread: covariance and correlation; misfit:
+    rms of the residuals, weighted; curves: :class:`Fitted`; profiles: :class:`Profile`; warnings,
+    notes: sentences (what the data cannot tell; trials that failed); evaluations: tests solved;
+    cpu_seconds: time of this fit; converged: whether the search ended by itself.
+    """
+
+    problem: Problem
+    fabric: Fabric
+    names: tuple
+    values: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    spread: Spread
+    misfit: float
+    curves: tuple
+    profiles: tuple
+    warnings: tuple
+    notes: tuple
+    evaluations: int
+    cpu_seconds: float
+    converged: bool
+    resolution: Resolution
+
+
+def fit(problem, *, profile=True):
+    """Fit a :class:`Problem`; a :class:`Calibration`.
+
+    profile: also follow the misfit along each parameter, to three standard errors on both sides.
+    Raises ComputationError where neither the start nor any other point tried within the bounds has
+    an equilibrium that reaches the measured points.
+    """
+    begun = time.process_time()
+    trial = _Trials(problem)
+    low, high = problem.bounds.T
+    unit = high - low
+
+    def residual(u):
+        found = trial.residual(low + u * unit)
+        return np.full(trial.points, PENALTY) if found is None else found
+
+    def jacobian(u):
+        return trial.jacobian(low + u * unit) * unit
+
+    start = _workable_start(problem, trial)
+    u = (start - low) / unit
+    found = least_squares(
+        residual, u, jacobian, bounds=(0.0, 1.0), max_nfev=MOST_TRIALS, **TOLERANCES
+    )
+    scale = robust_scale(found.fun, len(u))
+    if np.isfinite(scale):
+        # Points far from the rest are there: once more, with less weight on them.
+        found = least_squares(
+            residual, np.clip(found.x, 0.0, 1.0), jacobian, bounds=(0.0, 1.0), loss="soft_l1",
+            f_scale=scale, max_nfev=MOST_TRIALS, **TOLERANCES,
+        )  # fmt: skip
+    values, r = _on_bounds(problem, trial, low + found.x * unit)
+    slopes = trial.jacobian(values, central=True)
+    spread_ = spread(values, r, slopes, scale, trial.groups)
+    interval = np.clip(spread_.interval, low[:, None], high[:, None])
+    names, bounds = problem.names, problem.bounds
+    warnings = list(warnings_of(names, values, bounds, spread_))
+    if found.status == 0:
+        warnings.append(f"the search was stopped after {MOST_TRIALS} trials")
+    curves = trial.fitted(values)
+    profiles = tuple(
+        _profile(trial, i, values, spread_.standard_error[i], slopes, scale)
+        for i in range(len(names) if profile else 0)
+    )
+    return Calibration(
+        problem,
+        varied(problem.fabric, dict(zip(names, values, strict=True))),
+        names,
+        values,
+        interval[:, 0],
+        interval[:, 1],
+        spread_,
+        trial.misfit(r),
+        curves,
+        profiles,
+        tuple(warnings),
+        tuple(trial.notes),
+        trial.evaluations,
+        time.process_time() - begun,
+        found.status > 0,
+        trial.resolution,
+    )
+
+
+def _workable_start(problem, trial):
+    """The start, or the nearest of some points within the bounds where the model has an answer."""
+    low, high = problem.bounds.T
+    if trial.residual(problem.start) is not None:
+        return problem.start
+    grid = [
+        low + np.array(u) * (high - low)
+        for u in itertools.product((0.2, 0.5, 0.8), repeat=len(low))
+    ]
+    grid.sort(key=lambda v: float((((v - problem.start) / (high - low)) ** 2).sum()))
+    for values in grid:
+        if trial.residual(values) is not None:
+            return values
+    raise ComputationError(f"calibration: no start within the bounds: {trial.notes[0]}")
+
+
+def _on_bounds(problem, trial, values):
+    """Values and residuals, with values that all but sit on a bound put onto it: the search itself
+    stays inside, and no friction is another fabric than next to none."""
+    r = trial.residual(values)
+    low, high = problem.bounds.T
+    near = ON_BOUND * (high - low)
+    snapped = np.where(values - low <= near, low, np.where(high - values <= near, high, values))
+    if (snapped == values).all():
+        return values, r
+    other = trial.residual(snapped)
+    if other is None or other @ other > (1.0 + SAME) * (r @ r):
+        trial.residual(values)
+        return values, r
+    return snapped, other
+
+
+class _Trials:
+    """Residuals of a problem at trial values, with what was solved for the last ones kept."""
+
+    def __init__(self, problem):
+        self.problem, self.names = problem, problem.names
+        fabrics = [problem.fabric]
+        try:
+            start = dict(zip(self.names, problem.start, strict=True))
+            fabrics.append(varied(problem.fabric, start))
+        except InputError:
+            # Noted as the first trial that failed.
+            pass
+        self.resolution = common_resolution(fabrics, problem.resolution)
+        self.states = States(self.resolution)
+        self.measured = [
+            c.change if isinstance(c, Bending) else curves_.measured_points(c, problem.kind)
+            for c in problem.curves
+        ]
+        self.divisor = [
+            self._divisor(*one) for one in zip(problem.curves, self.measured, strict=True)
+        ]
+        self.root = [np.sqrt(c.weight) for c in problem.curves]
+        self.groups = np.repeat(np.arange(len(problem.curves)), [c.size for c in problem.curves])
+        self.points = len(self.groups)
+        self.notes, self.evaluations = [], 0
+        self.kept = None
+        try:
+            # Where all trials come from, so that they lie on the fabric's own branch.
+            self.states.rest(problem.fabric)
+        except _FAILURES:
+            # The trials find their own start then, or say why not.
+            pass
+
+    def _divisor(self, curve, measured):
+        if self.problem.misfit == "band":
+            return 0.5 * (curve.high - curve.low)
+        largest = np.abs(measured).max()
+        if self.problem.misfit == "absolute":
+            return np.full(curve.size, largest)
+        return np.maximum(np.abs(measured), FLOOR * largest)
+
+    def misfit(self, residual):
+        """Weighted rms of residuals that carry the roots of the weights."""
+        total = sum(float(c.weight.sum()) for c in self.problem.curves)
+        return float(np.sqrt(residual @ residual / total))
+
+    def solve(self, values):
+        """(Rest, solved tests, model values by curve); None where it failed, with a note."""
+        values = np.asarray(values, dtype=float)
+        if self.kept is not None and np.array_equal(self.kept[0], values):
+            return self.kept[1]
+        self.evaluations += 1
+        kind = self.problem.kind
+        try:
+            fabric = varied(self.problem.fabric, dict(zip(self.names, values, strict=True)))
+            rest = self.states.rest(fabric)
+            solved, points = [], []
+            for curve in self.problem.curves:
+                if isinstance(curve, Bending):
+                    solved.append(None)
+                    points.append(bending_points(curve, rest.relaxed))
+                    continue
+                solved.append(curves_.pull_of(curve, rest.relaxed, kind, self.problem.states))
+                points.append(curves_.tension_points(curve, solved[-1], kind))
+            found = rest, solved, points
+        except _FAILURES as error:
+            shown = ", ".join(f"{n} = {v:.4g}" for n, v in zip(self.names, values, strict=True))
+            self.notes.append(f"{shown}: {error}")
+            found = None
+        self.kept = values.copy(), found
+        return found
+
+    def residual(self, values):
+        """Residuals (points,) with the roots of their weights; None where the trial failed."""
+        found = self.solve(values)
+        if found is None:
+            return None
+        return self._joined(
+            (model - measured) / divisor
+            for model, measured, divisor in zip(found[2], self.measured, self.divisor, strict=True)
+        )
+
+    def _joined(self, parts):
+        return np.concatenate([
+            part * (root if part.ndim == 1 else root[:, None])
+            for part, root in zip(parts, self.root, strict=True)
+        ])  # fmt: skip
+
+    def jacobian(self, values, central=False):
+        """Derivatives of the residuals (points, parameters): from the Hessians of the states where
+        there is no friction, else from differences of solved tests, two-sided if ``central``."""
+        curves, fabric = self.problem.curves, self.problem.fabric
+        rest, solved, points = self.solve(values)
+        exact = [curves_.has_gradient(c, fabric, self.names) for c in curves]
+        parts = [np.zeros((c.size, len(self.names))) for c in curves]
+        if any(exact):
+            by_state = Sensitivity(rest, self.names, self.resolution)
+            for k, curve in enumerate(curves):
+                if exact[k]:
+                    parts[k] = curves_.tension_gradient(
+                        curve, solved[k], by_state, self.problem.kind
+                    )
+        if not all(exact):
+            kept = self.kept
+            for i in range(len(self.names)):
+                for k, by_input in enumerate(self._difference(values, i, points, central)):
+                    if not exact[k]:
+                        parts[k][:, i] = by_input
+            self.kept = kept
+        return self._joined(
+            part / divisor[:, None] for part, divisor in zip(parts, self.divisor, strict=True)
+        )
+
+    def _difference(self, values, i, points, central):
+        """Derivatives of the model values of all curves by parameter i; zero where both sides fail."""
+        low, high = self.problem.bounds[i]
+        step = max(STEP * abs(values[i]), LEAST_STEP * (high - low))
+        sides = [(values[i], points)]
+        # Into the wider side first, so that one-sided differences stay within the bounds.
+        order = (step, -step) if high - values[i] >= values[i] - low else (-step, step)
+        for change in order:
+            moved = values.copy()
+            moved[i] = np.clip(values[i] + change, low, high)
+            if moved[i] == values[i]:
+                continue
+            found = self.solve(moved)
+            if found is not None:
+                sides.append((moved[i], found[2]))
+                if not central:
+                    break
+        if len(sides) == 1:
+            return [np.zeros_like(p) for p in points]
+        if len(sides) == 3:
+            sides = sides[1:]
+        (a, at_a), (b, at_b) = sides
+        return [(q - p) / (b - a) for p, q in zip(at_a, at_b, strict=True)]
+
+    def fitted(self, values):
+        """The :class:`Fitted` curves."""
+        points = self.solve(values)[2]
+        return tuple(
+            Fitted(curve.name, measured, model, (model - measured) / divisor)
+            for curve, measured, model, divisor in zip(
+                self.problem.curves, self.measured, points, self.divisor, strict=True
+            )
+        )
+
+
+def _profile(trial, i, values, error, slopes, scale):
+    """The :class:`Profile` of parameter i: the others follow by Gauss-Newton with the slopes of the
+    fit, which near it are nearly right; the best of a few steps counts."""
+    low, high = trial.problem.bounds.T
+    unit = high - low
+    if not np.isfinite(error) or error > unit[i]:
+        error = unit[i] / 6.0
+    asked = np.unique(np.clip(values[i] + np.array(PROFILE_AT) * error, low[i], high[i]))
+    others = [k for k in range(len(values)) if k != i]
+    own = trial.misfit(trial.residual(values))
+    rows = [(values[i], own)]
+    for side in (asked[asked < values[i]][::-1], asked[asked > values[i]]):
+        here = values.copy()
+        for value in side:
+            best, found = np.inf, None
+            for tried in _starts_along(slopes, here, i, value, others):
+                if trial.residual(np.clip(tried, low, high)) is not None:
+                    break
+            for _ in range(PROFILE_STEPS):
+                tried = np.clip(tried, low, high)
+                r = trial.residual(tried)
+                if r is None or trial.misfit(r) >= best:
+                    break
+                gained = 1.0 - trial.misfit(r) / best
+                best, found = trial.misfit(r), tried.copy()
+                if not others or gained < PROFILE_GAIN:
+                    break
+                w = np.sqrt(soft(r, scale))[:, None]
+                tried = tried.copy()
+                tried[others] -= np.linalg.lstsq(w * slopes[:, others], w[:, 0] * r, rcond=None)[0]
+            rows.append((value, best if np.isfinite(best) else np.nan))
+            here = here if found is None else found
+    rows.sort()
+    at, misfit = np.array(rows).T
+    return Profile(trial.names[i], at, misfit)
+
+
+def _starts_along(slopes, here, i, value, others):
+    """Values with parameter i moved to ``value``: the others where the linear model has its minimum,
+    half way there, and unmoved."""
+    back = np.zeros(len(others))
+    if others:
+        back = np.linalg.lstsq(slopes[:, others], slopes[:, i], rcond=None)[0] * (value - here[i])
+    for part in (1.0, 0.5, 0.0) if others else (0.0,):
+        tried = here.copy()
+        tried[i] = value
+        tried[others] -= part * back
+        yield tried

@@ -1,0 +1,268 @@
+"""A fabric whose inputs vary: its equilibrium followed from one set of values to the next.
+
+A fit asks for the same test of many fabrics that differ little.  The fabric at rest is found from the
+last one by Newton's method, in smaller steps where that fails, so that all trials stay on one branch.
+How a state without friction answers to an input p follows from the state itself: at equilibrium g(y,
+p) = 0, hence H dy/dp = -dg/dp with the Hessian H at hand (implicit function theorem).  dg/dp at a
+fixed shape y is a difference of two gradients and needs no state to be solved.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from knitsim.equilibrium.fabric import CoreContact, Fabric, Resolution
+from knitsim.equilibrium.kernels.friction import no_slip
+from knitsim.equilibrium.kernels.newton import energy_of, new_work, pairs_at
+from knitsim.equilibrium.model import build_model, with_set
+from knitsim.equilibrium.pull import biaxial
+from knitsim.equilibrium.relax import Relaxed, relax, settle
+from knitsim.errors import ComputationError, InputError
+from knitsim.study.measured_keys import PARAMETERS
+
+# Where each input of a fabric stands: (part, field), those that can be calibrated first.
+INPUTS = {name: tuple(f".{one.field}".split(".")[-2:]) for name, one in PARAMETERS.items()} | {
+    name: ("", name) for name in ("wale_spacing", "course_spacing", "bending_hysteresis")
+}
+# Widest split of a change of inputs, and how much thinner a yarn is taken that has no start itself.
+_PARTS = (1, 2, 4, 8, 16)
+_THINNER = (0.9, 0.8, 0.7)
+DIFFERENCE = 1e-5  # relative change of an input for dg/dp at a fixed shape
+LEAST_DIFFERENCE = 1e-6  # of inputs that can be zero
+_FROM_ZERO = ("set", "friction", "bending_hysteresis")
+_FAILURES = (ComputationError, InputError)
+
+
+def check_input(name, fabric):
+    """Raises InputError for a name that is not an input of this fabric."""
+    if name not in INPUTS:
+        raise InputError("parameter", name, f"must be one of {', '.join(INPUTS)}")
+    laws = ["core_law"] if isinstance(fabric.contact, CoreContact) else []
+    why = PARAMETERS[name].meaningless(laws) if name in PARAMETERS else ""
+    if why:
+        raise InputError("parameter", name, why)
+
+
+def value_of(fabric, name):
+    """The input ``name`` of a fabric (SI)."""
+    part, field = INPUTS[name]
+    return float(getattr(fabric.contact if part else fabric, field))
+
+
+def varied(fabric, values):
+    """The fabric with other inputs; values: {name: SI}.  Raises InputError as Fabric does."""
+    own = {INPUTS[n][1]: float(v) for n, v in values.items() if not INPUTS[n][0]}
+    contact = {INPUTS[n][1]: float(v) for n, v in values.items() if INPUTS[n][0]}
+    if contact:
+        own["contact"] = replace(fabric.contact, **contact)
+    return replace(fabric, **own)
+
+
+def _between(a, b, part):
+    """The fabric a part of the way from a to b."""
+
+    def mix(one, other):
+        return (1.0 - part) * one + part * other
+
+    own = {f: mix(getattr(a, f), getattr(b, f)) for place, f in INPUTS.values() if not place}
+    fields = {f for place, f in INPUTS.values() if place and hasattr(b.contact, f)}
+    contact = {f: mix(getattr(a.contact, f), getattr(b.contact, f)) for f in fields}
+    return replace(b, contact=replace(b.contact, **contact), **own)
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """A fabric at rest; held: unknowns of the loop held at the stated spacings (None without set)."""
+
+    fabric: Fabric
+    relaxed: Relaxed
+    held: np.ndarray | None
+
+
+class States:
+    """Fabrics at rest, each found from the one before.
+
+    resolution: of all of them, contact points included, so that results change smoothly with the
+    inputs.  Equal requests in equal order give equal bytes.
+    """
+
+    def __init__(self, resolution):
+        self.resolution = resolution
+        self.last = None
+
+    def rest(self, fabric):
+        """The :class:`Rest` of a fabric.  Raises ComputationError where none is found."""
+        found = self._first(fabric) if self.last is None else self._from(self.last, fabric)
+        self.last = found
+        return found
+
+    def _first(self, fabric):
+        straight = replace(fabric, set_fraction=0.0)
+        try:
+            rest = self._cold(straight)
+        except _FAILURES as error:
+            rest = self._thicker(straight, error)
+        # The set comes last: its loop is held at spacings that may be tight.
+        return self._from(rest, fabric) if fabric.set_fraction > 0.0 else rest
+
+    def _thicker(self, fabric, failure):
+        """The :class:`Rest` of a yarn too bulky for a cold start, from thinner ones."""
+        for thinner in _THINNER:
+            contact = fabric.contact
+            if isinstance(contact, CoreContact):
+                contact = replace(contact, core=thinner * contact.core)
+            easier = replace(fabric, diameter=thinner * fabric.diameter, contact=contact)
+            try:
+                return self._from(self._cold(easier), fabric)
+            except _FAILURES:
+                continue
+        raise ComputationError(f"no equilibrium to start from: {failure}")
+
+    def _cold(self, fabric):
+        return Rest(fabric, relax(fabric, self.resolution), None)
+
+    def _from(self, start, fabric):
+        for parts in _PARTS:
+            here = start
+            try:
+                for part in range(1, parts + 1):
+                    # The last one exactly as asked.
+                    aim = fabric if part == parts else _between(start.fabric, fabric, part / parts)
+                    here = self._next(here, aim)
+                return here
+            except _FAILURES as error:
+                failure = error
+        raise failure
+
+    def _next(self, start, fabric):
+        model = build_model(fabric, self.resolution)
+        held = None
+        if fabric.set_fraction > 0.0:
+            held = _held(model, start)
+            model = with_set(model, held)
+        return Rest(fabric, settle(model, start.relaxed.y, model.free(0, 3)), held)
+
+
+def _held(model, start):
+    """The loop of a model without set held at the stated spacings: from that of ``start``, or pulled
+    there from rest."""
+    fabric, at = model.fabric, model.lattice
+    stated = np.array([fabric.wale_spacing, fabric.course_spacing])
+    if start.held is not None:
+        y = start.held.copy()
+        y[[at, at + 3]] = stated
+        try:
+            return settle(model, y, model.free()).y
+        except ComputationError:
+            # Pressed too hard at the held spacings: at rest there is more room.
+            pass
+    smooth = build_model(replace(fabric, friction=0.0), model.resolution)
+    rest = settle(smooth, start.relaxed.y, smooth.free(0, 3))
+    strains = stated / [rest.wale_spacing, rest.course_spacing] - 1.0
+    curve = biaxial(rest, strains[None])
+    if curve.stop_reason:
+        raise ComputationError(f"held at the stated spacings: {curve.stop_reason}")
+    return curve.y[-1]
+
+
+def common_resolution(fabrics, resolution=None):
+    """The resolution with the contact points that the most demanding of the fabrics needs."""
+    resolution = Resolution() if resolution is None else resolution
+    if resolution.contacts is not None:
+        return resolution
+    return replace(resolution, contacts=max(resolution.contacts_for(f) for f in fabrics))
+
+
+class Sensitivity:
+    """How equilibria of one fabric without friction answer to inputs, by the Hessian.
+
+    rest: :class:`Rest`; names: inputs.  spacings (inputs, 2): d(wale, course spacing)/dp at rest.
+    """
+
+    def __init__(self, rest, names, resolution):
+        self.rest, self.model = rest, rest.relaxed.model
+        self.work = new_work(self.model.scene)
+        self.pairs_of = {}
+        self.models = [self._both_sides(name, resolution) for name in names]
+        model, y = self.model, rest.relaxed.y
+        free = model.free(0, 3)
+        hessian, by_inputs = self._linearised(model.scene, y)
+        answer = -np.linalg.solve(hessian[np.ix_(free, free)], by_inputs[:, free].T).T
+        self.spacings = answer[:, -2:]
+
+    def _both_sides(self, name, resolution):
+        """(Models on both sides of input ``name`` with the set that follows it, their distance).
+
+        One-sided where the other side cannot exist (no negative friction, no thicker yarn).
+        """
+        fabric, held = self.rest.fabric, self.rest.held
+        value = value_of(fabric, name)
+        h = max(DIFFERENCE * abs(value), LEAST_DIFFERENCE if name in _FROM_ZERO else 0.0)
+        ends, models = [], []
+        for at in (value - h, value + h, value):
+            if len(ends) == 2:
+                break
+            try:
+                models.append(build_model(varied(fabric, {name: at}), resolution))
+            except InputError:
+                continue
+            ends.append(at)
+        if held is not None:
+            slope = self._of_held(models, ends)
+            models = [
+                with_set(model, held + (at - value) * slope)
+                for model, at in zip(models, ends, strict=True)
+            ]
+        return models, ends[1] - ends[0]
+
+    def _of_held(self, models, ends):
+        """d(held loop)/dp: without set, at the stated spacings."""
+        held = self.rest.held
+        plain = build_model(self.rest.fabric, self.model.resolution)
+        lattice = []
+        for model in models:
+            f = model.fabric
+            lattice.append([f.wale_spacing, 0.0, 0.0, f.course_spacing])
+        distance = ends[1] - ends[0]
+        slope = np.zeros(held.size)
+        at, free = plain.lattice, plain.free()
+        slope[at:] = np.subtract(lattice[1], lattice[0]) / distance
+        hessian = self._hessian(plain.scene, held)
+        g = [self._gradient(model.scene, held) for model in models]
+        right = (g[1] - g[0]) / distance + hessian[:, at:] @ slope[at:]
+        slope[free] = -np.linalg.solve(hessian[np.ix_(free, free)], right[free])
+        return slope
+
+    def _gradient(self, scene, y):
+        pairs = pairs_at(scene, y, 0.0, self.work)
+        energy_of(scene, y, pairs, no_slip(), np.int64(1), self.work)
+        return self.work.gradient.copy()
+
+    def _hessian(self, scene, y):
+        pairs = pairs_at(scene, y, 0.0, self.work)
+        energy_of(scene, y, pairs, no_slip(), np.int64(2), self.work)
+        return self.work.hessian.copy()
+
+    def _linearised(self, scene, y):
+        """Hessian (n, n) and dg/dp (inputs, n) at y."""
+        hessian = self._hessian(scene, y)
+        rows = [
+            (self._gradient(b.scene, y) - self._gradient(a.scene, y)) / distance
+            for (a, b), distance in self.models
+        ]
+        return hessian, np.array(rows)
+
+    def of_force(self, y, pulled, free):
+        """At an equilibrium y: dF/dL and dF/dp (inputs,) at a fixed L of the spacing pulled.
+
+        F: force per loop (N) on the entry ``pulled`` of the lattice; free: lattice entries that are.
+        """
+        model = self.model
+        hessian, by_inputs = self._linearised(model.scene, y)
+        unknown, driven = model.free(*free), model.lattice + pulled
+        inner = hessian[np.ix_(unknown, unknown)]
+        right = np.column_stack([hessian[unknown, driven], by_inputs[:, unknown].T])
+        answer = np.linalg.solve(inner, right)
+        along = hessian[driven, unknown]
+        slope = hessian[driven, driven] - along @ answer[:, 0]
+        return slope / model.loops, (by_inputs[:, driven] - along @ answer[:, 1:]) / model.loops

@@ -1,0 +1,161 @@
+"""Checks that need more than one key of a yarn or fabric, and no heavy import."""
+
+import itertools
+import math
+
+from knitsim.errors import InputError
+from knitsim.study.schema import STAGES, closure
+from knitsim.units import from_si
+
+# Fibre points turn with the section: beyond these a chord no longer stands for its fibre.
+LARGEST_TURN = 45.0  # degrees from section to section
+LARGEST_SURFACE_ANGLE = 60.0  # degrees, of the outermost fibre to the yarn axis
+# Of the largest curvature times half the thickness, which is at least one diameter: two yarns cross.
+TIGHTEST_BEND = 0.5
+DENSEST_PACKING = math.pi / math.sqrt(12.0)  # hexagonal, of equal circles
+
+
+def surface_angle(yarn):
+    """Angle (degrees) of the yarn's surface to its axis: tan = pi diameter twist."""
+    return math.degrees(math.atan(math.pi * yarn["diameter"] * yarn["twist"]))
+
+
+def check_yarn(yarn):
+    """Raises InputError if the keys of ``yarn`` (a YarnInput) contradict each other."""
+    _check_law(yarn)
+    least = math.sqrt(4.0 * yarn["linear_density"] / (math.pi * yarn["density"] * DENSEST_PACKING))
+    if yarn["diameter"] < least:
+        raise InputError(
+            *yarn.stated("diameter"),
+            f"must be at least {least * 1e3:.4g} mm: the fibres alone fill that much at density "
+            f"{yarn['density'] / 1e3:.4g} g/cm3",
+        )
+    core = yarn["core_law"]
+    if core is not None:
+        if core["core_diameter"] >= yarn["diameter"]:
+            raise InputError(
+                *yarn.stated("core_law.core_diameter"),
+                f"must be below the yarn's diameter, {yarn['diameter'] * 1e3:.4g} mm",
+            )
+        if yarn["compression_curve"] is not None:
+            raise InputError(
+                yarn.where("compression_curve"),
+                None,
+                "gives the same law as core_law; keep one of them",
+            )
+    if surface_angle(yarn) > LARGEST_SURFACE_ANGLE:
+        most = math.tan(math.radians(LARGEST_SURFACE_ANGLE)) / (math.pi * yarn["diameter"])
+        raise InputError(
+            *yarn.stated("twist"),
+            f"must be at most {most:.4g} turns per m at diameter {yarn['diameter'] * 1e3:.4g} mm: "
+            f"no section spacing resolves a surface angle of {surface_angle(yarn):.3g} degrees",
+        )
+    turn = 360.0 * yarn["twist"] * yarn["section_spacing"]
+    if turn > LARGEST_TURN * (1.0 + 1e-12):
+        most = LARGEST_TURN / 360.0 / yarn["twist"]
+        raise InputError(
+            *yarn.stated("section_spacing"),
+            f"must be at most {most * 1e3:.4g} mm: the twist turns {turn:.3g} degrees per section, "
+            f"and more than {LARGEST_TURN:g} is not resolved",
+        )
+
+
+def _check_law(yarn):
+    law, curve = yarn["tension_law"], yarn["tension_curve"]
+    if law is None and curve is None:
+        raise InputError(
+            yarn.where("tension_law"),
+            None,
+            "is missing; give tension_law (constants), tension_curve (a measured curve), or both",
+        )
+    if law is None:
+        return
+    if law["kind"] == "secant":
+        if not law["high"] > law["low"]:
+            raise InputError(
+                *yarn.stated("tension_law.high"),
+                f"must be above low_N = {law['low']:g}: the line above the switch is steeper",
+            )
+        start, name = (
+            max(law["switch_strain"], law["offset"] / (law["high"] - law["low"])),
+            "switch",
+        )
+    elif law["kind"] == "bilinear":
+        start, name = law["yield_strain"], "yield"
+    else:
+        _check_points(yarn, law)
+        return
+    if not yarn["breaking_strain"] > start:
+        raise InputError(
+            *yarn.stated("breaking_strain"),
+            f"must be above the {name} strain of the law, {start:g}",
+        )
+
+
+def _check_points(yarn, law):
+    strain, tension = law["strain"], law["tension"]
+    if len(strain) != len(tension) or len(strain) < 2:
+        raise InputError(
+            yarn.where("tension_law.tension_N"),
+            f"{len(tension)} values",
+            f"must be as many as the strains ({len(strain)}), two or more",
+        )
+    for name, values in (("strain", strain), ("tension_N", tension)):
+        if values[0] != 0:
+            raise InputError(yarn.where(f"tension_law.{name}[0]"), values[0], "must be 0")
+        for i, (before, value) in enumerate(itertools.pairwise(values), 1):
+            if value < before:
+                raise InputError(
+                    yarn.where(f"tension_law.{name}[{i}]"), value, f"must not fall below {before:g}"
+                )
+
+
+def check_scene(scene, stated):
+    """Raises InputError if the sections of ``scene`` (a SceneInput) contradict each other.
+
+    stated: what the file states, by section and key.
+    """
+    rest = stated.get("equilibrium_rest")
+    if rest is None:
+        for test in stated:
+            if test in STAGES and "equilibrium_rest" in closure(test):
+                raise InputError(
+                    scene.where("equilibrium_rest"), None,
+                    f"is missing; {test} starts from it ({{}} takes every default)",
+                )  # fmt: skip
+        return
+    if "accuracy" in rest and "points" in rest:
+        raise InputError(
+            *scene.stated("equilibrium_rest.accuracy"),
+            "chooses what points states; keep one of them",
+        )
+
+
+def check_fabric(fabric):
+    """Raises InputError if the yarn of ``fabric`` (a FabricInput) is too thick for its spacings."""
+    diameter = fabric.yarn["diameter"]
+    for quantity, what in (("wale_spacing", "wale"), ("course_spacing", "course")):
+        if fabric[quantity] <= diameter:
+            raise InputError(
+                *fabric.stated(quantity),
+                f"is a {what} spacing of {fabric[quantity] * 1e3:.4g} mm: must be above "
+                f"the {diameter * 1e3:.4g} mm of its yarn {fabric.yarn.name} (yarn too thick)",
+            )
+    _check_curvature(fabric, diameter)
+
+
+def _check_curvature(fabric, diameter):
+    """Raises InputError for a bending test on a cylinder that is smaller than the yarn allows."""
+    test = fabric.scene["equilibrium_bending"]
+    if test is None:
+        return
+    for name, choice in test["variants"].items():
+        if choice["max_curvature"] * diameter > TIGHTEST_BEND:
+            most = from_si(TIGHTEST_BEND / diameter, "per_cm")
+            key = f"equilibrium_bending.variants.{name}.max_curvature_per_cm"
+            raise InputError(
+                fabric.scene.where(key),
+                f"{from_si(choice['max_curvature'], 'per_cm'):g}",
+                f"must be at most {most:.4g} per cm for fabric {fabric.name}: the cylinder is smaller "
+                f"than its yarn of {diameter * 1e3:.4g} mm allows",
+            )

@@ -1,0 +1,191 @@
+"""The keys of a fabric's measured curves, of what is calibrated on them and what is predicted."""
+
+from dataclasses import dataclass
+
+from knitsim.study.keys import REQUIRED, Key, Section
+
+STAGE = "calibration"
+MOST_FREE = 3
+# Name of the prediction with every parameter as given; no calibration may bear it.
+GIVEN = "as_given"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter that a calibration may free.
+
+    key: where its value stands, from the fabric on, with dots; unit: of that key; si: of the value
+    inside; low, high: what its bounds may be at most, in unit; needs: the section of the yarn without
+    which it has no meaning, excluded_by: those with which it has none; field: its name in a
+    knitsim.equilibrium.fabric.Fabric, or in its contact ("contact.stiffness").
+    """
+
+    key: str
+    unit: str | None
+    si: str
+    low: float
+    high: float
+    about: str
+    field: str
+    needs: str = ""
+    excluded_by: tuple = ()
+
+    @property
+    def is_of_yarn(self):
+        return self.key.startswith("yarn.")
+
+    def meaningless(self, laws):
+        """Why it has no meaning for a yarn with these sections (names); "" where it has."""
+        if self.needs and self.needs not in laws:
+            return f"needs {self.needs}, and the yarn has none"
+        beside = [law for law in self.excluded_by if law in laws]
+        return f"has no effect: the yarn has a {beside[0]}" if beside else ""
+
+
+# The sections of a yarn that say how it is compressed.
+LAWS = ("core_law", "compression_curve")
+PARAMETERS = {
+    "core_diameter": Parameter(
+        "yarn.core_law.core_diameter_mm", "mm", "m", 0.0, 20.0, "Diameter of the core.",
+        "contact.core", needs="core_law",
+    ),
+    "core_stiffness": Parameter(
+        "yarn.core_law.stiffness_N_per_mm3", "N_per_mm3", "N m-3", 0.0, 1e6,
+        "Stiffness k of the shell.", "contact.stiffness", needs="core_law",
+    ),
+    "core_exponent": Parameter(
+        "yarn.core_law.exponent", None, "1", 1.0, 20.0, "Exponent p of the shell.",
+        "contact.exponent", needs="core_law",
+    ),
+    "compression_stiffness": Parameter(
+        "yarn.compression_stiffness_N_per_m", "N_per_m", "N m-1", 0.0, 1e9,
+        "Stiffness K of the contact of two yarns.", "contact.stiffness", excluded_by=LAWS,
+    ),
+    "friction": Parameter(
+        "yarn.friction", None, "1", 0.0, 1.0, "Coulomb friction of yarn on yarn.", "friction"
+    ),
+    "set": Parameter(
+        "set", None, "1", 0.0, 1.0, "Part of the curvature that the yarn has taken as set.",
+        "set_fraction",
+    ),
+    "bending_rigidity": Parameter(
+        "yarn.bending_rigidity_N_mm2", "N_mm2", "N m2", 0.0, 1e6, "Bending rigidity of the yarn.",
+        "bending_rigidity",
+    ),
+    "diameter": Parameter("yarn.diameter_mm", "mm", "m", 0.0, 20.0, "Yarn diameter.", "diameter"),
+    "loop_length": Parameter(
+        "loop_length_mm", "mm", "m", 0.0, 200.0, "Length of yarn in one loop.", "loop_length"
+    ),
+}  # fmt: skip
+
+
+def key_name(name):
+    """The parameter's name with its unit, as a key of bounds: ``core_diameter_mm``."""
+    unit = PARAMETERS[name].unit
+    return f"{name}_{unit}" if unit else name
+
+
+def _bounds_key(name):
+    one = PARAMETERS[name]
+    return Key(
+        key_name(name), name, "numbers", f"{one.about[:-1]}: [lowest, highest].", unit=one.unit,
+        allowed=f"[{one.low:g}, {one.high:g}]",
+    )  # fmt: skip
+
+
+# fmt: off
+MEASURED = Section(
+    name="measured",
+    about="Measured curves of this fabric, each by a name of your own. What the file states in a "
+    "comment need not be stated here; what is stated here comes first.",
+    stage=STAGE,
+    named=True,
+    keys=(
+        Key("test", "test", "choice", "tension: strain and force, loading and, if it is there, "
+            "recovery. bending: curvature and moment per width in the order of the test; "
+            "the mean of both ways is compared.", choices=("tension", "bending"),
+            default="tension"),
+        Key("direction", "direction", "choice", "Direction pulled, or that becomes curved.",
+            choices=("course", "wale"), default=REQUIRED),
+        Key("file", "file", "text", "CSV file, relative to the study or the "
+            "directory above it, else to config/.",
+            default=REQUIRED),
+        Key("gauge_length_mm", "gauge_length", "number", "Length of the specimen between the clamps.",
+            unit="mm", allowed="(0, 1e5]"),
+        Key("width_mm", "width", "number", "Width of the specimen, across the pull.", unit="mm",
+            allowed="(0, 1e5]"),
+        Key("pretension_N_per_mm", "pretension", "number", "Force per width at which the strain was "
+            "set to zero.", unit="N_per_mm", allowed="(0, 1e3]"),
+        Key("pretension_gf_per_cm", "pretension", "number", "The same.", unit="gf_per_cm",
+            allowed="(0, 1e6]"),
+        Key("cycle", "cycle", "integer", "Which cycle of a bending test the file holds: friction "
+            "remembers those before.", allowed="[1, 10]", default=1),
+        Key("machine_compliance_mm_per_N", "machine_compliance", "number", "Extension of the machine "
+            "and its clamps per force, subtracted from the extension.", unit="mm_per_N",
+            allowed="(0, 1e3]"),
+    ),
+)
+
+CALIBRATIONS = Section(
+    name="calibrations",
+    about="Calibrations on measured curves, each by a name of your own; all other measured curves "
+    f"are predicted. With all parameters as given the prediction is made as well, as `{GIVEN}`.",
+    stage=STAGE,
+    named=True,
+    sections=(
+        Section(
+            name="bounds",
+            about="Between which values a free parameter may lie; without, its range in the ledger, "
+            "or half to twice its value.",
+            keys=tuple(_bounds_key(name) for name in PARAMETERS),
+        ),
+    ),
+    keys=(
+        Key("fit", "fit", "words", "Measured curves to fit, by name.", default=REQUIRED),
+        Key("free", "free", "choices", f"Free parameters, at most {MOST_FREE}; each starts from its "
+            "value.", choices=tuple(PARAMETERS), default=REQUIRED),
+        Key("residual", "residual", "choice", "strain: at given force. force: at given strain.",
+            choices=("strain", "force"), default="strain"),
+        Key("misfit", "misfit", "choice", "relative: over the measured value. absolute: all points "
+            "alike. band: over half the measured band.", choices=("relative", "absolute", "band"),
+            default="relative"),
+        Key("on_request", "on_request", "flag", "Made by `snakemake calibration` only, not by "
+            "default: for fits that take long.", default=False),
+    ),
+)
+
+PREDICTION = Section(
+    name="prediction",
+    about="How far the tests of this fabric are predicted, with the parameters of each calibration "
+    "and as given.",
+    stage=STAGE,
+    keys=(
+        Key("to_force_N_per_mm", "to_force", "number", "Largest force per width in tension; without "
+            "it the largest measured one, or 0.049 N/mm (50 gf/cm).", unit="N_per_mm",
+            allowed="(0, 1e3]"),
+        Key("to_force_gf_per_cm", "to_force", "number", "The same.", unit="gf_per_cm",
+            allowed="(0, 1e6]"),
+        Key("max_curvature_per_cm", "max_curvature", "number", "Largest curvature, to both sides; 0 "
+            "for no bending test.", unit="per_cm", allowed="[0, 100]", default=2.0),
+        Key("states", "states", "integer", "States of each curve.", allowed="[4, 1000]", default=24),
+    ),
+)
+
+SENSITIVITY = Section(
+    name="sensitivity",
+    about="What one per cent of each input does to the strain at a given force, to B and 2HB and to "
+    "the density at rest: which inputs must be measured how well. In the equilibrium model.",
+    of="fabric",
+    stage="sensitivity",
+    keys=(
+        Key("inputs", "inputs", "choices", "Inputs that are changed; those without meaning for the "
+            "yarn are left out.", choices=tuple(PARAMETERS), default=tuple(PARAMETERS)),
+        Key("change_percent", "change", "number", "Change of each input, both ways, and twice that.",
+            unit="percent", allowed="(0, 10]", default=1.0),
+        Key("force_gf_per_cm", "force", "number", "Force per width at which the strain is read.",
+            unit="gf_per_cm", allowed="(0, 1e5]", default=50.0),
+        Key("friction", "friction", "flag", "Coulomb friction between yarns; without it there is no "
+            "2HB.", default=True),
+    ),
+)
+# fmt: on
