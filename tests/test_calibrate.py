@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from knitsim.equilibrium.bend import bend
-from knitsim.equilibrium.fabric import CoreContact, Fabric, Resolution
+from knitsim.equilibrium.contact import CoreContact
+from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError

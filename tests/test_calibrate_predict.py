@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitsim.equilibrium.fabric import CoreContact, Fabric, Resolution
+from knitsim.equilibrium.contact import CoreContact
+from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError

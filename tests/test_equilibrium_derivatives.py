@@ -7,7 +7,8 @@ import pytest
 
 from knitsim.equilibrium import cell as cells
 from knitsim.equilibrium import spline
-from knitsim.equilibrium.fabric import BarrierContact, CoreContact, Fabric, Resolution
+from knitsim.equilibrium.contact import BarrierContact, CoreContact
+from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.kernels.contact import law_at, place_points
 from knitsim.equilibrium.kernels.fixtures import add_couples
 from knitsim.equilibrium.kernels.friction import begin_slip, no_slip, rise_at
@@ -22,7 +23,7 @@ COTTON = dict(
     wale_spacing=1.4993e-3, course_spacing=1.2005e-3, loop_length=5.56e-3, diameter=0.2793e-3,
     bending_rigidity=5e-9, law=paper_k3(continuous=True),
 )  # fmt: skip
-SOFT = CoreContact(core=0.15e-3, stiffness=2e9, exponent=2.4)
+SOFT = CoreContact(core_diameter=0.15e-3, stiffness=2e9, exponent=2.4)
 
 
 def model_and_state(cell="quarter", contact=None, set_fraction=0.0, seed=0):
@@ -222,7 +223,7 @@ def test_bending_energy_with_rest_curvature():
 
 def test_contact_laws_follow_their_formulas():
     d = 0.3e-3
-    barrier, core = BarrierContact(800.0).law(d), CoreContact(0.1e-3, 3e9, 2.4).law(d)
+    barrier, core = BarrierContact(800.0).array(d), CoreContact(0.1e-3, 3e9, 2.4).array(d)
     for x in (0.4, 0.7, 0.99):
         assert law_at((x * d) ** 2, barrier)[0] == pytest.approx(800.0 * (1 - x**2) ** 2 / x**2)
         delta, p = 0.2e-3, 2.4

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from knitsim.equilibrium.fabric import BarrierContact, CoreContact, Fabric, Resolution
+from knitsim.equilibrium.contact import BarrierContact, CoreContact
+from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.model import build_model, centreline
 from knitsim.equilibrium.pull import biaxial, shear, tensile
 from knitsim.equilibrium.relax import is_intact, relax, start_from
@@ -224,7 +225,7 @@ def test_bulky_yarn_starts_and_relaxes():
         1.48e-3,
         4.5e-8,
         TensionLaw([0.0, 0.1], [0.0, 100.0]),
-        CoreContact(core=0.65e-3, stiffness=1.2e6, exponent=2.4),
+        CoreContact(core_diameter=0.65e-3, stiffness=1.2e6, exponent=2.4),
     )
     state = relax(bulky)
     assert state.crossings_intact

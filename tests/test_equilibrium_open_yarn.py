@@ -8,7 +8,7 @@ from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
-from knitsim.equilibrium.fabric import BarrierContact
+from knitsim.equilibrium.contact import BarrierContact
 from knitsim.equilibrium.open_yarn import Cylinder, OpenYarn, Support, solve_open
 from knitsim.errors import InputError
 from knitsim.yarn.law import TensionLaw

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from knitsim.equilibrium import accuracy
-from knitsim.equilibrium.fabric import BarrierContact, Fabric, Resolution
+from knitsim.equilibrium.contact import BarrierContact
+from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.kernels.follow import set_free, work_of_increment
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax

@@ -5,13 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from knitsim.equilibrium.contact import BarrierContact, ContactLaw
 from knitsim.errors import InputError
 from knitsim.yarn.law import TensionLaw
 
-# Spacing of the contact points, in diameters.  Two crossing yarns of bending rigidity B touch along
-# about d (B/(K d^3))^(1/4): a force B/d^2 presses them by delta diameters, K d delta^2 = B/d^2, and
-# their gap stays below that over sqrt(delta) d.  The factor makes it d/16 for a cotton jersey.
-BARRIER_SPACING, WIDEST, NARROWEST = 1.0 / 11.0, 1.0 / 8.0, 1.0 / 96.0
 LEAST_POINTS = 24
 # Below this ratio of loop length to diameter no plain loop closes without deep compression.
 LEAST_BULK_SOFT, LEAST_BULK_HARD = 7.5, 12.0
@@ -20,42 +17,6 @@ LEAST_BULK_SOFT, LEAST_BULK_HARD = 7.5, 12.0
 def _within(where, value, low, high, unit=""):
     if not (isinstance(value, (int, float, np.number)) and low <= value <= high):
         raise InputError(where, value, f"must be between {low:g} and {high:g}{unit}")
-
-
-@dataclass(frozen=True)
-class BarrierContact:
-    """Contact energy K (1 - x^2)^2/x^2 per length squared, x = distance/diameter; K in N/m."""
-
-    stiffness: float = 1000.0
-
-    def __post_init__(self):
-        _within("contact stiffness", self.stiffness, 1e-3, 1e8, " N/m")
-
-    def law(self, diameter):
-        """The kernels' law array."""
-        return np.array([0.0, self.stiffness, diameter, 0.0, 0.0, 0.0])
-
-
-@dataclass(frozen=True)
-class CoreContact:
-    """A stiff core in a soft shell (Singal et al. 2024).
-
-    v(D) = k delta^2/(p (p-1)) [z^(1-p) - 1 - (p-1)(1-z)] per length squared, z = (D - core)/delta,
-    delta = diameter - core; core in m, stiffness k in N/m3, exponent p above 1.
-    """
-
-    core: float
-    stiffness: float
-    exponent: float = 2.4
-
-    def __post_init__(self):
-        _within("contact core", self.core, 1e-9, 1.0, " m")
-        _within("contact stiffness", self.stiffness, 1e-3, 1e15, " N/m3")
-        _within("contact exponent", self.exponent, 1.01, 20.0)
-
-    def law(self, diameter):
-        """The kernels' law array."""
-        return np.array([1.0, 0.0, diameter, self.core, self.stiffness, self.exponent])
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +40,7 @@ class Fabric:
     diameter: float
     bending_rigidity: float
     law: TensionLaw
-    contact: BarrierContact | CoreContact = field(default_factory=BarrierContact)
+    contact: ContactLaw = field(default_factory=BarrierContact)
     friction: float = 0.0
     set_fraction: float = 0.0
     bending_hysteresis: float = 0.0
@@ -93,13 +54,10 @@ class Fabric:
         _within("bending hysteresis", self.bending_hysteresis, 0.0, 1.0, " N m")
         if not isinstance(self.law, TensionLaw):
             raise InputError("law", self.law, "must be a TensionLaw")
-        soft = isinstance(self.contact, CoreContact)
-        if soft and not self.contact.core < self.diameter:
-            raise InputError(
-                "contact core", self.contact.core, f"must be below the diameter {self.diameter:g} m"
-            )
+        self.contact.check(self.diameter)
+        core = self.contact.core(self.diameter)
         bulk = self.loop_length / self.diameter
-        least = LEAST_BULK_SOFT if soft else LEAST_BULK_HARD
+        least = LEAST_BULK_SOFT if core else LEAST_BULK_HARD
         if bulk < least:
             raise InputError(
                 "diameter",
@@ -107,7 +65,7 @@ class Fabric:
                 f"yarn too thick for its loop: loop length over diameter is {bulk:.3g}, "
                 f"must be {least:g} or more",
             )
-        hard = self.contact.core if soft else 0.8 * self.diameter
+        hard = core or 0.8 * self.diameter
         for name, value, least in (
             ("wale spacing", self.wale_spacing, 2.0),
             ("course spacing", self.course_spacing, 1.0),
@@ -164,13 +122,7 @@ class Resolution:
 
     def contacts_for(self, fabric):
         """Contact points per loop for a fabric.  Raises InputError where the stated ones are few."""
-        d, contact = fabric.diameter, fabric.contact
-        if isinstance(contact, BarrierContact):
-            slender = fabric.bending_rigidity / (contact.stiffness * d**3)
-            spacing = d * min(WIDEST, max(NARROWEST, BARRIER_SPACING * slender**0.25))
-        else:
-            # The core law is smooth over the shell, whatever the diameter.
-            spacing = min(WIDEST * d, 2.0 * WIDEST * (d - contact.core))
+        spacing = fabric.contact.spacing(fabric.diameter, fabric.bending_rigidity)
         needed = 4 * math.ceil(fabric.loop_length / spacing / 4.0 - 1e-2)
         if self.contacts is None:
             return max(needed, 2 * self.points)

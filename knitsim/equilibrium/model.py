@@ -117,7 +117,7 @@ def build_model(fabric, resolution=None, sparse=None):
         records(CYLINDER, 0),
         records(COUPLE, 0),
         Bend(0.0, 0, False),
-        fabric.contact.law(fabric.diameter),
+        fabric.contact.array(fabric.diameter),
         np.zeros(unknowns),
         scale,
     )
@@ -158,11 +158,8 @@ def with_set(model, y):
 
 def with_diameter(model, diameter):
     """The same model with contact from another diameter on, for continuation in the diameter."""
-    law = model.scene.law.copy()
-    law[2] = diameter
-    if law[0] == 1.0:
-        law[3] *= diameter / model.fabric.diameter
-    return _replaced(model, model.scene._replace(law=law))
+    contact = model.fabric.contact.grown(diameter / model.fabric.diameter)
+    return _replaced(model, model.scene._replace(law=contact.array(diameter)))
 
 
 def _replaced(model, scene):

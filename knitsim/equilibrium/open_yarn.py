@@ -130,7 +130,7 @@ class OpenYarn:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A rigid cylinder: a point of its axis, the axis, contact law array (see Scene.law).
+    """A rigid cylinder: a point of its axis, the axis, and how it pushes.
 
     distance: of the yarn's centre line from the axis at which contact begins (m); stiffness: K of
     the barrier law per length of yarn (N).
@@ -407,7 +407,7 @@ def _assemble(yarns, cylinders, contact, diameter, rounding):
         counter += 3
     map_ = to_map([row for own in rows for row in own], counter)
     y = np.array([*start, 0.0, 0.0, 0.0, 0.0])
-    law = np.zeros(6) if contact is None else contact.law(diameter)
+    law = np.zeros(4) if contact is None else contact.array(diameter)
     scene = Scene(
         map_,
         _rod(yarns, chain, rounding),
@@ -489,9 +489,7 @@ def _cylinders(cylinders):
         len(cylinders),
         point=np.array([c.point for c in cylinders], dtype=float).reshape(-1, 3),
         axis=axis / np.linalg.norm(axis, axis=1)[:, None],
-        law=np.array([[0.0, c.stiffness, c.distance, 0.0, 0.0, 0.0] for c in cylinders]).reshape(
-            -1, 6
-        ),
+        law=np.array([[0.0, c.distance, 0.0, c.stiffness] for c in cylinders]).reshape(-1, 4),
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from knitsim.equilibrium import spline
 from knitsim.equilibrium import start as shape
 from knitsim.equilibrium.cell import loop_of, pack
-from knitsim.equilibrium.fabric import BarrierContact, CoreContact, Resolution
+from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.kernels.follow import CROSSINGS_LOST, TOO_CLOSE
 from knitsim.equilibrium.kernels.newton import (
     CONVERGED,
@@ -165,7 +165,7 @@ def _run_into(model, nearest):
     two places of it into each other, discrete contact points may hold them there.
     """
     least = model.scene.touch.points[0].length
-    if isinstance(model.fabric.contact, BarrierContact):
+    if not model.fabric.contact.core(model.fabric.diameter):
         least = max(least, _LEAST_APART * model.fabric.diameter)
     return nearest < least
 
@@ -233,9 +233,9 @@ def start_from(model, overlap, thick):
 
 def _grow(model, y, control):
     """Equilibrium at held spacings in place, the diameter growing to its own; status, iterations."""
-    own, contact = model.fabric.diameter, model.fabric.contact
+    own = model.fabric.diameter
     # Part of the diameter that must stay clear: a core, which scales with the diameter.
-    core = contact.core / own if isinstance(contact, CoreContact) else 0.0
+    core = model.fabric.contact.core(own) / own
     nearest = _nearest(model, y)
     diameter = min(own, nearest / max(_ROOM, core / _CLEAR))
     total = 0

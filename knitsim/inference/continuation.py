@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from knitsim.equilibrium.fabric import CoreContact, Fabric, Resolution
+from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.kernels.friction import no_slip
 from knitsim.equilibrium.kernels.newton import energy_of, new_work, pairs_at
 from knitsim.equilibrium.model import build_model, with_set
@@ -20,10 +20,7 @@ from knitsim.equilibrium.relax import Relaxed, relax, settle
 from knitsim.errors import ComputationError, InputError
 from knitsim.study.measured_keys import PARAMETERS
 
-# Where each input of a fabric stands: (part, field), those that can be calibrated first.
-INPUTS = {name: tuple(f".{one.field}".split(".")[-2:]) for name, one in PARAMETERS.items()} | {
-    name: ("", name) for name in ("wale_spacing", "course_spacing", "bending_hysteresis")
-}
+_BESIDE = ("wale_spacing", "course_spacing", "bending_hysteresis")
 # Widest split of a change of inputs, and how much thinner a yarn is taken that has no start itself.
 _PARTS = (1, 2, 4, 8, 16)
 _THINNER = (0.9, 0.8, 0.7)
@@ -33,11 +30,17 @@ _FROM_ZERO = ("set", "friction", "bending_hysteresis")
 _FAILURES = (ComputationError, InputError)
 
 
+def inputs():
+    """Where each input of a fabric stands: {name: (part, field)}, those that can be calibrated first."""
+    calibrated = {n: tuple(f".{one.field}".split(".")[-2:]) for n, one in PARAMETERS.items()}
+    return calibrated | {name: ("", name) for name in _BESIDE}
+
+
 def check_input(name, fabric):
     """Raises InputError for a name that is not an input of this fabric."""
-    if name not in INPUTS:
-        raise InputError("parameter", name, f"must be one of {', '.join(INPUTS)}")
-    laws = ["core_law"] if isinstance(fabric.contact, CoreContact) else []
+    if name not in inputs():
+        raise InputError("parameter", name, f"must be one of {', '.join(inputs())}")
+    laws = [fabric.contact.section] if fabric.contact.section else []
     why = PARAMETERS[name].meaningless(laws) if name in PARAMETERS else ""
     if why:
         raise InputError("parameter", name, why)
@@ -45,14 +48,15 @@ def check_input(name, fabric):
 
 def value_of(fabric, name):
     """The input ``name`` of a fabric (SI)."""
-    part, field = INPUTS[name]
+    part, field = inputs()[name]
     return float(getattr(fabric.contact if part else fabric, field))
 
 
 def varied(fabric, values):
     """The fabric with other inputs; values: {name: SI}.  Raises InputError as Fabric does."""
-    own = {INPUTS[n][1]: float(v) for n, v in values.items() if not INPUTS[n][0]}
-    contact = {INPUTS[n][1]: float(v) for n, v in values.items() if INPUTS[n][0]}
+    places = inputs()
+    own = {places[n][1]: float(v) for n, v in values.items() if not places[n][0]}
+    contact = {places[n][1]: float(v) for n, v in values.items() if places[n][0]}
     if contact:
         own["contact"] = replace(fabric.contact, **contact)
     return replace(fabric, **own)
@@ -64,9 +68,8 @@ def _between(a, b, part):
     def mix(one, other):
         return (1.0 - part) * one + part * other
 
-    own = {f: mix(getattr(a, f), getattr(b, f)) for place, f in INPUTS.values() if not place}
-    fields = {f for place, f in INPUTS.values() if place and hasattr(b.contact, f)}
-    contact = {f: mix(getattr(a.contact, f), getattr(b.contact, f)) for f in fields}
+    own = {f: mix(getattr(a, f), getattr(b, f)) for place, f in inputs().values() if not place}
+    contact = {f: mix(getattr(a.contact, f), getattr(b.contact, f)) for f in b.contact.quantities()}
     return replace(b, contact=replace(b.contact, **contact), **own)
 
 
@@ -108,9 +111,7 @@ class States:
     def _thicker(self, fabric, failure):
         """The :class:`Rest` of a yarn too bulky for a cold start, from thinner ones."""
         for thinner in _THINNER:
-            contact = fabric.contact
-            if isinstance(contact, CoreContact):
-                contact = replace(contact, core=thinner * contact.core)
+            contact = fabric.contact.grown(thinner)
             easier = replace(fabric, diameter=thinner * fabric.diameter, contact=contact)
             try:
                 return self._from(self._cold(easier), fabric)

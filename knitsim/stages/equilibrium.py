@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from knitsim.equilibrium.fabric import BarrierContact, CoreContact, Fabric, Resolution
+from knitsim.equilibrium.contact import BarrierContact
+from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.pull import FRICTION_INCREMENT
 from knitsim.equilibrium.to_accuracy import Settings, settings_for
 from knitsim.errors import InputError
@@ -15,6 +16,7 @@ from knitsim.stages.needs import cell_of
 from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES, VARIABLES
 from knitsim.store.tensile import stack_variants
 from knitsim.store.writer import to_json
+from knitsim.study.contact_keys import stated_contact
 from knitsim.yarn.compression import fit_barrier_file
 
 _STATES = VARIABLES["status"].flags
@@ -22,9 +24,8 @@ _STATES = VARIABLES["status"].flags
 
 def contact_of(yarn):
     """Contact law of a YarnInput: a core law, a calibrated stiffness or the stated one."""
-    core = yarn["core_law"]
-    if core is not None:
-        return CoreContact(core["core_diameter"], core["stiffness"], core["exponent"])
+    if (stated := stated_contact(yarn)) is not None:
+        return stated
     if yarn.compression_path is not None:
         return BarrierContact(fit_barrier_file(yarn.compression_path, yarn["diameter"]).stiffness)
     return BarrierContact(yarn["compression_stiffness"])

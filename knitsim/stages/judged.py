@@ -10,7 +10,8 @@ import time
 
 import numpy as np
 
-from knitsim.equilibrium.fabric import BarrierContact, Fabric
+from knitsim.equilibrium.contact import BarrierContact
+from knitsim.equilibrium.fabric import Fabric
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
 from knitsim.verification.bending_judge import TestStates

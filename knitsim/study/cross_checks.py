@@ -3,6 +3,7 @@
 import itertools
 import math
 
+from knitsim.equilibrium.contact import LAWS
 from knitsim.errors import InputError
 from knitsim.study.schema import STAGES, closure
 from knitsim.units import from_si
@@ -30,19 +31,7 @@ def check_yarn(yarn):
             f"must be at least {least * 1e3:.4g} mm: the fibres alone fill that much at density "
             f"{yarn['density'] / 1e3:.4g} g/cm3",
         )
-    core = yarn["core_law"]
-    if core is not None:
-        if core["core_diameter"] >= yarn["diameter"]:
-            raise InputError(
-                *yarn.stated("core_law.core_diameter"),
-                f"must be below the yarn's diameter, {yarn['diameter'] * 1e3:.4g} mm",
-            )
-        if yarn["compression_curve"] is not None:
-            raise InputError(
-                yarn.where("compression_curve"),
-                None,
-                "gives the same law as core_law; keep one of them",
-            )
+    _check_contact(yarn)
     if surface_angle(yarn) > LARGEST_SURFACE_ANGLE:
         most = math.tan(math.radians(LARGEST_SURFACE_ANGLE)) / (math.pi * yarn["diameter"])
         raise InputError(
@@ -58,6 +47,23 @@ def check_yarn(yarn):
             f"must be at most {most * 1e3:.4g} mm: the twist turns {turn:.3g} degrees per section, "
             f"and more than {LARGEST_TURN:g} is not resolved",
         )
+
+
+def _check_contact(yarn):
+    """Raises InputError for more than one contact law, or for one that the yarn has no room for."""
+    stated = [section for section in LAWS if yarn[section] is not None]
+    given = [*stated, *(["compression_curve"] if yarn["compression_curve"] is not None else [])]
+    if len(given) > 1:
+        raise InputError(
+            yarn.where(given[1]), None, f"gives the same law as {given[0]}; keep one of them"
+        )
+    for section in stated:
+        for name, q in LAWS[section].quantities().items():
+            if q.length and not yarn[section][name] < yarn["diameter"]:
+                raise InputError(
+                    *yarn.stated(f"{section}.{name}"),
+                    f"must be below the yarn's diameter, {yarn['diameter'] * 1e3:.4g} mm",
+                )
 
 
 def _check_law(yarn):

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 from knitsim import units
+from knitsim.equilibrium.contact import LAWS
 from knitsim.errors import InputError
 from knitsim.study.check import shown
 from knitsim.study.measured_keys import (
     GIVEN,
-    LAWS,
     MOST_FREE,
     PARAMETERS,
     STAGE,
@@ -16,8 +16,8 @@ from knitsim.study.measured_keys import (
 
 # Bounds of a parameter without a range in the ledger, as factors of its value; from 0 to 1 if it is 0.
 FACTORS = (0.5, 2.0)
-# A core as thick as the yarn leaves no shell; an exponent of 1 no law.
-THICKEST_CORE, LEAST_EXPONENT = 0.98, 1.05
+# A core as thick as the yarn leaves no shell.
+THICKEST_CORE = 0.98
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,8 @@ def config_of(fabric, name):
 
 def meaningless(yarn, name):
     """Why the parameter ``name`` has no meaning for a YarnInput; "" where it has."""
-    return PARAMETERS[name].meaningless([law for law in LAWS if yarn[law] is not None])
+    laws = [law for law in (*LAWS, "compression_curve") if yarn[law] is not None]
+    return PARAMETERS[name].meaningless(laws)
 
 
 def value_of(fabric, name):
@@ -83,10 +84,9 @@ def free_of(fabric, calibration):
 def _free(fabric, calibration, name, bounds):
     one, start = PARAMETERS[name], value_of(fabric, name)
     low, high = bounds.get(name) or _range_of(fabric, name, start)
-    if name == "core_diameter" and not bounds.get(name):
-        high = min(high, THICKEST_CORE * fabric.yarn["diameter"])
-    if name == "core_exponent":
-        low = max(low, LEAST_EXPONENT)
+    if not bounds.get(name):
+        low = max(low, one.least_free)
+        high = min(high, THICKEST_CORE * fabric.yarn["diameter"]) if one.within_yarn else high
     if not low <= start <= high:
         unit = f" {units.label(one.unit)}" if one.unit else ""
         ends = " to ".join(f"{_from_si(v, one.unit):.6g}" for v in (low, high))

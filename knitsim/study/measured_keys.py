@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from knitsim.study.keys import REQUIRED, Key, Section
+from knitsim.study.contact_keys import LawParameters, Live
+from knitsim.study.keys import REQUIRED, Interval, Key, Section
 
 STAGE = "calibration"
 MOST_FREE = 3
@@ -16,8 +17,9 @@ class Parameter:
 
     key: where its value stands, from the fabric on, with dots; unit: of that key; si: of the value
     inside; low, high: what its bounds may be at most, in unit; needs: the section of the yarn without
-    which it has no meaning, excluded_by: those with which it has none; field: its name in a
-    knitsim.equilibrium.fabric.Fabric, or in its contact ("contact.stiffness").
+    which it has no meaning; alone: whether it has none beside such a section; field: its name in a
+    knitsim.equilibrium.fabric.Fabric, or in its contact ("contact.stiffness").  least_free: the least
+    value (SI) tried without stated bounds; within_yarn: a length that the diameter bounds.
     """
 
     key: str
@@ -28,7 +30,9 @@ class Parameter:
     about: str
     field: str
     needs: str = ""
-    excluded_by: tuple = ()
+    alone: bool = False
+    least_free: float = 0.0
+    within_yarn: bool = False
 
     @property
     def is_of_yarn(self):
@@ -38,45 +42,40 @@ class Parameter:
         """Why it has no meaning for a yarn with these sections (names); "" where it has."""
         if self.needs and self.needs not in laws:
             return f"needs {self.needs}, and the yarn has none"
-        beside = [law for law in self.excluded_by if law in laws]
-        return f"has no effect: the yarn has a {beside[0]}" if beside else ""
+        return f"has no effect: the yarn has a {laws[0]}" if self.alone and laws else ""
 
 
-# The sections of a yarn that say how it is compressed.
-LAWS = ("core_law", "compression_curve")
-PARAMETERS = {
-    "core_diameter": Parameter(
-        "yarn.core_law.core_diameter_mm", "mm", "m", 0.0, 20.0, "Diameter of the core.",
-        "contact.core", needs="core_law",
-    ),
-    "core_stiffness": Parameter(
-        "yarn.core_law.stiffness_N_per_mm3", "N_per_mm3", "N m-3", 0.0, 1e6,
-        "Stiffness k of the shell.", "contact.stiffness", needs="core_law",
-    ),
-    "core_exponent": Parameter(
-        "yarn.core_law.exponent", None, "1", 1.0, 20.0, "Exponent p of the shell.",
-        "contact.exponent", needs="core_law",
-    ),
-    "compression_stiffness": Parameter(
-        "yarn.compression_stiffness_N_per_m", "N_per_m", "N m-1", 0.0, 1e9,
-        "Stiffness K of the contact of two yarns.", "contact.stiffness", excluded_by=LAWS,
-    ),
-    "friction": Parameter(
-        "yarn.friction", None, "1", 0.0, 1.0, "Coulomb friction of yarn on yarn.", "friction"
-    ),
-    "set": Parameter(
-        "set", None, "1", 0.0, 1.0, "Part of the curvature that the yarn has taken as set.",
-        "set_fraction",
-    ),
-    "bending_rigidity": Parameter(
-        "yarn.bending_rigidity_N_mm2", "N_mm2", "N m2", 0.0, 1e6, "Bending rigidity of the yarn.",
-        "bending_rigidity",
-    ),
-    "diameter": Parameter("yarn.diameter_mm", "mm", "m", 0.0, 20.0, "Yarn diameter.", "diameter"),
-    "loop_length": Parameter(
-        "loop_length_mm", "mm", "m", 0.0, 200.0, "Length of yarn in one loop.", "loop_length"
-    ),
-}  # fmt: skip
+def _of_law(key, q, field, section):
+    """The Parameter of a contact law's Quantity."""
+    interval = Interval.parse(q.allowed)
+    return Parameter(
+        key, q.unit, q.si, interval.low, interval.high, q.about, field, needs=section,
+        alone=not section, least_free=q.least_free, within_yarn=q.length,
+    )  # fmt: skip
+
+
+PARAMETERS = LawParameters(
+    {
+        "friction": Parameter(
+            "yarn.friction", None, "1", 0.0, 1.0, "Coulomb friction of yarn on yarn.", "friction"
+        ),
+        "set": Parameter(
+            "set", None, "1", 0.0, 1.0, "Part of the curvature that the yarn has taken as set.",
+            "set_fraction",
+        ),
+        "bending_rigidity": Parameter(
+            "yarn.bending_rigidity_N_mm2", "N_mm2", "N m2", 0.0, 1e6,
+            "Bending rigidity of the yarn.", "bending_rigidity",
+        ),
+        "diameter": Parameter(
+            "yarn.diameter_mm", "mm", "m", 0.0, 20.0, "Yarn diameter.", "diameter"
+        ),
+        "loop_length": Parameter(
+            "loop_length_mm", "mm", "m", 0.0, 200.0, "Length of yarn in one loop.", "loop_length"
+        ),
+    },
+    _of_law,
+)  # fmt: skip
 
 
 def key_name(name):
@@ -137,13 +136,13 @@ CALIBRATIONS = Section(
             name="bounds",
             about="Between which values a free parameter may lie; without, its range in the ledger, "
             "or half to twice its value.",
-            keys=tuple(_bounds_key(name) for name in PARAMETERS),
+            keys=Live(lambda: [_bounds_key(name) for name in PARAMETERS]),
         ),
     ),
     keys=(
         Key("fit", "fit", "words", "Measured curves to fit, by name.", default=REQUIRED),
         Key("free", "free", "choices", f"Free parameters, at most {MOST_FREE}; each starts from its "
-            "value.", choices=tuple(PARAMETERS), default=REQUIRED),
+            "value.", choices=PARAMETERS, default=REQUIRED),
         Key("residual", "residual", "choice", "strain: at given force. force: at given strain.",
             choices=("strain", "force"), default="strain"),
         Key("misfit", "misfit", "choice", "relative: over the measured value. absolute: all points "
@@ -179,7 +178,7 @@ SENSITIVITY = Section(
     stage="sensitivity",
     keys=(
         Key("inputs", "inputs", "choices", "Inputs that are changed; those without meaning for the "
-            "yarn are left out.", choices=tuple(PARAMETERS), default=tuple(PARAMETERS)),
+            "yarn are left out.", choices=PARAMETERS, default=tuple(PARAMETERS)),
         Key("change_percent", "change", "number", "Change of each input, both ways, and twice that.",
             unit="percent", allowed="(0, 10]", default=1.0),
         Key("force_gf_per_cm", "force", "number", "Force per width at which the strain is read.",

@@ -8,6 +8,7 @@ fabric, add a section to SCENE and its stage to STAGES.
 import math
 
 from knitsim import units
+from knitsim.study.contact_keys import Live, barrier_key, law_sections
 from knitsim.study.keys import REQUIRED, Key, Section
 from knitsim.study.measured_keys import CALIBRATIONS, MEASURED, PREDICTION, SENSITIVITY
 
@@ -139,26 +140,10 @@ COMPRESSION_CURVE = Section(
     ),
 )
 
-CORE_LAW = Section(
-    name="core_law",
-    about="Compression of a soft shell around a stiff core, for bulky spun yarns, instead of the "
-    "compression stiffness.",
-    stage="equilibrium",
-    keys=(
-        Key("core_diameter_mm", "core_diameter", "number", "Diameter of the core.", unit="mm",
-            allowed="(0, 20]", default=REQUIRED),
-        Key("stiffness_N_per_mm3", "stiffness", "number", "Stiffness k of the shell.",
-            unit="N_per_mm3", allowed="(0, 1e6]", default=REQUIRED),
-        Key("exponent", "exponent", "number", "Exponent p of the shell.", allowed="(1, 20]",
-            default=2.4, plausible=(1.5, 4.0),
-            because="that of an acrylic spun yarn, Singal et al. (2024)"),
-    ),
-)
-
 YARN = Section(
     name="yarn",
     about="One yarn.",
-    sections=(TENSION_LAW, TENSION_CURVE, COMPRESSION_CURVE, CORE_LAW),
+    sections=Live(lambda: [TENSION_LAW, TENSION_CURVE, COMPRESSION_CURVE, *law_sections()]),
     keys=(
         Key("source", "source", "text", "Where the data come from.", stages=ALL),
         Key("count_dtex", "linear_density", "number", "Yarn count, g per 10 km.", unit="dtex",
@@ -205,10 +190,7 @@ YARN = Section(
             unit="N_mm2", allowed="[0, 1e6]", default=bending_rule, plausible=(1.0, 5.0),
             stages=("equilibrium",),
             because="the sum over fibres that slip freely: the least that a yarn can have"),
-        Key("compression_stiffness_N_per_m", "compression_stiffness", "number",
-            "Stiffness K of the contact of two yarns.", unit="N_per_m", allowed="(0, 1e9]",
-            default=1000.0, plausible=(300.0, 10000.0), stages=("equilibrium",),
-            because="not in the paper; a soft spun yarn"),
+        barrier_key(),
         Key("friction", "friction", "number", "Coulomb friction coefficient of yarn on yarn.",
             allowed="[0, 1]", default=0.2, plausible=(0.1, 0.3), stages=("equilibrium",),
             because="not in the paper; waxed to unwaxed spun yarn"),

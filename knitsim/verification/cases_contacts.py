@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from knitsim.equilibrium import spline
-from knitsim.equilibrium.fabric import BarrierContact
+from knitsim.equilibrium.contact import BarrierContact
 from knitsim.equilibrium.open_yarn import Cylinder, OpenYarn, Support, solve_open
 from knitsim.errors import ComputationError
 from knitsim.verification import exact_contacts

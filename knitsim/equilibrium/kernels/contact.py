@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from knitsim.equilibrium.contact import BARRIER, CORE
 from knitsim.jit import njit
 
 CHUNK = 8  # points per bounding box of the pair search
@@ -17,30 +18,50 @@ CHUNK = 8  # points per bounding box of the pair search
 
 @njit
 def law_at(square, law):
-    """Energy v (N/m) and its first two derivatives by the squared distance; inside a core: inf.
+    """Energy v (J/m2) and its first two derivatives by the squared distance; inside a core: inf.
 
-    law as in :class:`knitsim.equilibrium.kernels.records.Scene`.  Barrier: v = K (1 - x^2)^2/x^2, x = D/d.
-    Core: v = k delta^2/(p (p-1)) [z^(1-p) - 1 - (p-1)(1-z)], z = (D - core)/delta, delta = d - core.
+    law: an array of :meth:`knitsim.equilibrium.contact.ContactLaw.array`.
     """
-    d2 = law[2] * law[2]
+    d2 = law[1] * law[1]
     if square >= d2:
         return 0.0, 0.0, 0.0
-    if law[0] == 0.0:
-        s = square / d2
+    if law[0] == BARRIER:
+        s, stiffness = square / d2, law[3]
         i = 1.0 / s
-        return law[1] * (i - 2.0 + s), law[1] * (1.0 - i * i) / d2, 2.0 * law[1] * i**3 / (d2 * d2)
+        first, second = stiffness * (1.0 - i * i) / d2, 2.0 * stiffness * i**3 / (d2 * d2)
+        return stiffness * (i - 2.0 + s), first, second
     distance = math.sqrt(square)
-    if distance <= law[3]:
+    if distance <= law[2]:
         return math.inf, 0.0, 0.0
-    delta, p = law[2] - law[3], law[5]
-    z = (distance - law[3]) / delta
-    power = z ** (-p)
-    v = law[4] * delta**2 / (p * (p - 1)) * (z * power - 1.0 - (p - 1) * (1.0 - z))
-    by_d = law[4] * delta / p * (1.0 - power)
-    by_dd = law[4] * power / z
+    delta = law[1] - law[2]
+    z = (distance - law[2]) / delta
+    if law[0] == CORE:
+        k, p = law[4], law[5]
+        power = z ** (-p)
+        v = k * delta**2 / (p * (p - 1)) * (z * power - 1.0 - (p - 1) * (1.0 - z))
+        by_d = k * delta / p * (1.0 - power)
+        by_dd = k * power / z
+    else:
+        v, by_d, by_dd = table_at(z, law)
+        by_d, by_dd = by_d / delta, by_dd / (delta * delta)
     # d/d(D^2) = (1/2D) d/dD
-    first = 0.5 * by_d / distance
-    return v, first, 0.25 * (by_dd - by_d / distance) / square
+    return v, 0.5 * by_d / distance, 0.25 * (by_dd - by_d / distance) / square
+
+
+@njit
+def table_at(z, law):
+    """Energy and its first two derivatives by the gap z of a tabulated law; below the table: inf."""
+    j = int(-math.log(z) / law[3])
+    if 4 + 6 * j >= law.size:
+        return math.inf, 0.0, 0.0
+    low, high = math.exp(-(j + 1) * law[3]), math.exp(-j * law[3])
+    h = high - low
+    u, v, first, second = (z - low) / h, 0.0, 0.0, 0.0
+    for k in range(5, -1, -1):
+        second = second * u + 2.0 * first
+        first = first * u + v
+        v = v * u + law[4 + 6 * j + k]
+    return v, first / h, second / (h * h)
 
 
 @njit
@@ -340,7 +361,7 @@ def add_contact(scene, points, lattice, pairs, order, gradient, half):
     size = weight.size if order > 0 else 0
     near, push = np.empty((size, 3), dtype=np.int64), np.empty((size, 9))
     energy, closest, count = 0.0, math.inf, 0
-    outside = law[2] * law[2]
+    outside = law[1] * law[1]
     for j in range(weight.size):
         i, k, g = listed[j, 0], listed[j, 1], listed[j, 2]
         x, y, z = separation(touch, points, lattice, (i, k, g))

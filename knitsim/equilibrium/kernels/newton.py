@@ -210,7 +210,7 @@ def pairs_at(scene, y, skin, work):
     """Pairs closer than the diameter plus ``skin`` at y."""
     lattice = expand(scene.map, y, work.x)
     place_points(scene.touch, work.x, work.points)
-    reach = scene.law[2] + skin
+    reach = scene.law[1] + skin
     if scene.bend.active:
         # Flat coordinates are longer than the true distance where 1 + kappa z is below 1.
         thick = 0.0

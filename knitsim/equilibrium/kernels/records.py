@@ -64,7 +64,7 @@ IMAGE = np.dtype(
 # Rigid cylinder: a point of the axis and its direction, contact law.  The law is that of yarn contact
 # with the sum of the radii as diameter; its energy counts per length of yarn, so that its K is in N
 # and its k in N/m2.
-CYLINDER = np.dtype([("point", "f8", 3), ("axis", "f8", 3), ("law", "f8", 6)], align=True)
+CYLINDER = np.dtype([("point", "f8", 3), ("axis", "f8", 3), ("law", "f8", 4)], align=True)
 
 # Couple that turns the tangent at a place of a yarn.  first, d1: the place, as in ROD; moment (N m);
 # normal: axis of the couple; reference: direction from which the angle counts, within half a turn of
@@ -139,8 +139,8 @@ class Scene(NamedTuple):
     """All that the energy of a scene depends on, besides y.
 
     rod (ROD), cylinders (CYLINDER) and couples (COUPLE) are tables.
-    law (6,): kind of the contact law (0 barrier, 1 core), K (N/m), diameter (m), core (m),
-    k (N/m3), p.  load (y size): dead loads, the energy falls by load . y.  scale (y size): the
+    law: the contact law (:meth:`knitsim.equilibrium.contact.ContactLaw.array`).  load (y size): dead
+    loads, the energy falls by load . y.  scale (y size): the
     residual of unknown i is |gradient_i| scale_i (N), the force on one control point or on L.
     """
 

@@ -107,7 +107,7 @@ def sparse_pairs(scene, y, skin, work):
     """Pairs closer than the diameter plus ``skin`` (m) at y, as of ``pairs_at``."""
     lattice = place(scene, y, work)
     work.counts["pairs"] += 1
-    return kernels.find_pairs_in_grid(scene.touch, work.work.points, lattice, scene.law[2] + skin)
+    return kernels.find_pairs_in_grid(scene.touch, work.work.points, lattice, scene.law[1] + skin)
 
 
 def sparse_intact(scene, trace, y, expected, work):
