@@ -1,16 +1,23 @@
-"""Numba, set up so that its on-disk cache never serves stale machine code.
+"""Numba, set up so that its on-disk cache never serves stale machine code, and compiles what is used.
 
 Numba checks only the file of the compiled function itself: an edited kernel that another one calls,
 or a changed imported constant, would leave old machine code in use.  So the cache lies in a
 directory named by a hash of all sources that compiled code can come from.  Kernels are decorated
 with :data:`njit` from here, never from numba, so that the directory is set before any decorator
 runs.
+
+What a scene does not have stands as an empty tuple in it.  Its type then tells the compiler, and a
+function made by :func:`choose` is compiled for what is there alone.
 """
 
 import functools
+import inspect
 
 import numba
+import numpy as np
+from numba import types
 from numba.core import event
+from numba.extending import overload
 
 from knitsim.files import cache_root
 from knitsim.provenance import kernel_hash
@@ -21,6 +28,53 @@ numba.config.CACHE_DIR = str(CACHE_DIR)
 # No fastmath: it would let a NaN pass the checks that must catch it.  No wrappers for C, which nothing
 # here asks for and which take time to compile.
 njit = functools.partial(numba.njit, cache=True, error_model="numpy", no_cfunc_wrapper=True)
+
+
+def choose(path, there, gone):
+    """A function for kernels: ``there`` where ``path`` is present, ``gone`` where it is ().
+
+    path: name of an argument, or of a field of one (``scene.bend``).  there, gone: kernels of the same
+    arguments; gone may also be a number, which is then returned.  Only one of the two is compiled.
+    """
+    argument, *fields = path.split(".")
+    names = ", ".join(inspect.signature(there).parameters)
+    place = list(inspect.signature(there).parameters).index(argument)
+
+    def made(function):
+        if callable(function):  # itself, not a call of it: that would be compiled in addition
+            return getattr(function, "py_func", function)
+        return eval(f"lambda {names}: {function!r}")
+
+    with_it, without = made(there), made(gone)
+
+    def stub(*given):
+        value = given[place]
+        for field in fields:
+            value = getattr(value, field)
+        return (without if isinstance(value, tuple) and value == () else with_it)(*given)
+
+    # Numba wants a chooser with the same arguments as what it chooses between.
+    stub = eval(f"lambda {names}: stub({names})", {"stub": stub})
+
+    def chosen(*kinds):
+        kind = kinds[place]
+        for field in fields:
+            kind = kind[kind.fields.index(field)]
+        absent = isinstance(kind, types.BaseTuple) and len(kind) == 0
+        return without if absent else with_it
+
+    overload(stub)(eval(f"lambda {names}: chosen({names})", {"chosen": chosen}))
+    return stub
+
+
+def blank(shape, row):
+    """Records of the type ``row``, all zero; with Numba and without, fields are attributes."""
+    return np.zeros(shape, dtype=row).view(np.recarray)
+
+
+@overload(blank)
+def _blank(shape, row):
+    return lambda shape, row: np.zeros(shape, dtype=row)
 
 
 def compilation_timer():

@@ -4,12 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from knitsim.equilibrium import bend as bending
-from knitsim.equilibrium import cell as cells
-from knitsim.equilibrium.bend import TIGHTEST, bend, phases_of
-from knitsim.equilibrium.fabric import Fabric, Resolution
-from knitsim.equilibrium.kernels.follow import REACHED, new_states
 from knitsim.equilibrium.kernels.follow_bent import (
     RAN_AWAY,
     STATE,
@@ -17,6 +11,12 @@ from knitsim.equilibrium.kernels.follow_bent import (
     flat_moment,
     follow_bending,
 )
+
+from knitsim.equilibrium import bend as bending
+from knitsim.equilibrium import cell as cells
+from knitsim.equilibrium.bend import TIGHTEST, bend, phases_of
+from knitsim.equilibrium.fabric import Fabric, Resolution
+from knitsim.equilibrium.kernels.follow import REACHED, new_states
 from knitsim.equilibrium.kernels.friction import no_slip
 from knitsim.equilibrium.kernels.newton import (
     Control,

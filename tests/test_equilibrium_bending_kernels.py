@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from knitsim.equilibrium.kernels.follow_bent import angle_tangent
 
 from knitsim.equilibrium.fabric import Fabric
 from knitsim.equilibrium.kernels.contact import place_points
@@ -13,7 +14,6 @@ from knitsim.equilibrium.kernels.curved_friction import (
     curved_loss,
     vector_at,
 )
-from knitsim.equilibrium.kernels.follow_bent import angle_tangent
 from knitsim.equilibrium.kernels.friction import no_slip
 from knitsim.equilibrium.kernels.newton import energy_of, expand, new_work, pairs_at
 from knitsim.equilibrium.kernels.records import Bend

@@ -29,14 +29,12 @@ LARGEST_RUBBING = {"course": 0.6, "wale": 0.4}
 # 1/m: to the one side, through zero to the other.
 CURVATURES = 250.0 * np.concatenate([np.arange(11) / 10, np.arange(9, -11, -1) / 10])
 # Knobs that the fabric at rest does not depend on.
-_OF_THE_PATH = ("increment", "turn", "step", "arc", "rounding", "passes")
+_OF_THE_PATH = ("increment", "turn", "step", "arc")
 # (module, constant) of the settings that are no argument of the public functions.
 _CONSTANTS = {
     "tolerance": (model, "TOLERANCE"),
     "step": (tension, "INCREMENT"),
     "arc": (bending, "INCREMENT"),
-    "rounding": (tension, "SLIP_ROUNDING"),
-    "passes": (tension, "LAG_PASSES"),
 }
 
 
@@ -47,8 +45,7 @@ class Knobs:
     points, contacts: per loop, contacts None for the rule of the contact law; cell: ``quarter`` or
     ``full``; increment: of strain in one solved step with friction; turn: of curvature (1/m)
     likewise; step, arc: of strain and of curvature (1/m) without friction; tolerance: of the
-    residual, over B/d2; rounding: of friction, over the step's own length; passes: of the lagged
-    normal force.
+    residual, over B/d2.
     """
 
     points: int = Resolution().points
@@ -59,8 +56,6 @@ class Knobs:
     step: float = tension.INCREMENT
     arc: float = bending.INCREMENT
     tolerance: float = model.TOLERANCE
-    rounding: float = tension.SLIP_ROUNDING
-    passes: int = tension.LAG_PASSES
 
     @property
     def resolution(self):
@@ -250,15 +245,13 @@ def friction_tasks(full):
     """Tension with friction, loading and recovery to zero force, and in full also bending."""
     runs, own = _Runs(), DEFAULT.increment
     if full:
-        reference, check = (Knobs(64, 512, increment=own / n, passes=3) for n in (16, 8))
+        reference, check = (Knobs(64, 512, increment=own / n) for n in (16, 8))
         knobs = [
             DEFAULT,
             *(Knobs(p, c) for p, c in ((32, 192), (40, 160), (48, 192), (64, 256), (64, 512))),
             *(Knobs(p, c, increment=own / n) for p, c in ((48, 192), (48, None), (64, 512))
               for n in (2, 4, 8)),
-            *(replace(DEFAULT, increment=own / n, passes=DEFAULT.passes - 1) for n in (1, 2)),
-            *(replace(DEFAULT, rounding=DEFAULT.rounding * factor) for factor in (0.3, 3.0)),
-            replace(DEFAULT, passes=2 * DEFAULT.passes), replace(DEFAULT, tolerance=1e-4),
+            replace(DEFAULT, tolerance=1e-4),
             replace(DEFAULT, tolerance=1e-8), Knobs(48, 192, "full"),
         ]  # fmt: skip
     else:

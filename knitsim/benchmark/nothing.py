@@ -5,11 +5,11 @@ from knitsim.jit import njit
 
 @njit
 def no_energy(scene, y, pairs, slip, order, work):
-    """Takes the arguments of newton_kernels.energy_of."""
+    """Takes the arguments of energy_of."""
     return 0.0
 
 
 @njit
 def no_pairs(scene, y, skin, work):
-    """Takes the arguments of newton_kernels.pairs_at."""
+    """Takes the arguments of pairs_at."""
     return 0.0

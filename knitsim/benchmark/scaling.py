@@ -14,14 +14,9 @@ from knitsim.benchmark.front import cpu_time, exponent
 from knitsim.benchmark.nothing import no_energy, no_pairs
 from knitsim.benchmark.yarn import polyester, pull_yarn
 from knitsim.equilibrium.fabric import Resolution
-from knitsim.equilibrium.kernels.friction import no_slip
-from knitsim.equilibrium.kernels.newton import (
-    energy_of,
-    factorise_shifted,
-    new_work,
-    pairs_at,
-    solve_factored,
-)
+from knitsim.equilibrium.kernels.energy import energy_of, new_work
+from knitsim.equilibrium.kernels.newton import factorise_shifted, solve_factored
+from knitsim.equilibrium.kernels.pairs import pairs_at
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax, settle
 from knitsim.errors import ComputationError, InputError
@@ -200,7 +195,7 @@ def phases(repeats=100, states=6):
     curve, total, _ = cpu_time(partial(tensile, relaxed, "course", strains), 5)
     model = relaxed.model
     scene, work, skin = model.scene, new_work(model.scene), model.control.skin
-    free, two, slip = model.free(3), np.int64(2), no_slip()
+    free, two, slip = model.free(3), np.int64(2), ()
 
     def each(call):
         """CPU seconds of one call: a first one is not counted."""

@@ -1,24 +1,22 @@
-"""How far off the forces are because the yarn is cut into finitely many pieces.
+"""How far off the forces and moments of a test are: one rule for all tests.
 
-A few states of a curve are solved again with twice the control points and twice the contact points,
-starting from the very same shape (a spline is subdivided exactly).  The difference of the forces,
-times a safety factor, is the estimate; it also covers what the fine solution itself still lacks.
-Between these states the largest of the neighbouring estimates stands.
-
-With friction the force depends on the way there.  The whole test is then solved again with twice the
-increment; the difference is added.  Since Coulomb's law is stepped implicitly, the error falls at
-least in proportion to the increment, so that the difference is not less than the error of the finer.
+The whole test is solved again from the same relaxed shape with twice the control points and twice the
+contact points, and with friction once more with twice the increment.  The differences are added and
+doubled: they fall at least with the square of the spacing of the points and in proportion to the
+increments, so that the finer solution lacks no more than the difference.  The error from the contact
+points wavers along the test; at each state the largest of its neighbourhood stands.
 """
 
 import numpy as np
 
 from knitsim.equilibrium.model import build_model, refine
 from knitsim.equilibrium.relax import relax, settle
-from knitsim.equilibrium.solve import gradient_at
+from knitsim.equilibrium.result import BendingCurve
 from knitsim.errors import ComputationError
 
 SAFETY = 2.0
-FLOOR = 0.01  # of the largest force: below it an error is measured against this
+FLOOR = 0.01  # of the largest: below it an error is measured against this
+AROUND = 2  # states on either side whose error may stand for a state
 
 
 def fine_relaxed(relaxed):
@@ -32,83 +30,62 @@ def fine_relaxed(relaxed):
     return settle(fine, refine(model, relaxed.y, fine), fine.free(0, 3))
 
 
-def spatial_error(relaxed, curve, samples=10):
-    """Estimated error of curve.force_per_loop from the cutting into pieces, (steps,).
+def estimated(relaxed, curve, increment, again):
+    """The curve with its estimated errors.
 
-    Relative to max(|force|, 1 % of the largest).  samples: states that are solved again.  Friction
-    is left out on both sides.  NaN where the fine solution failed, and next to that.
+    relaxed: where it starts from; increment: its largest step; again(relaxed, increment): the same test
+    from another relaxed state or in other steps.  NaN where a solution failed.
     """
     try:
-        fine = fine_relaxed(relaxed)
+        others = [again(fine_relaxed(relaxed), increment)]
+        if relaxed.model.rub:
+            steps = np.abs(np.diff(curve.place, prepend=0.0)).max()
+            others.append(again(relaxed, 2.0 * min(increment, steps) if steps > 0.0 else increment))
     except ComputationError:
-        return np.full(curve.steps, np.nan)
-    model, at, new = relaxed.model, relaxed.model.lattice, fine.model.lattice
-    size = scale_of(curve.force_per_loop)
-    chosen = np.unique(np.linspace(0, curve.steps - 1, min(samples, curve.steps)).astype(int))
-    ratio = np.divide(fine.y[new:], relaxed.y[at:], out=np.ones(4), where=relaxed.y[at:] != 0.0)
-    errors = np.full(len(chosen), np.nan)
-    for i, step in enumerate(chosen):
-        coarse = curve.y[step]
-        y = refine(model, coarse, fine.model)
-        y[new:] *= ratio
-        try:
-            force = force_at(fine.model, y, curve)
-            own = curve.force_per_loop[step]
-            if model.fabric.friction > 0.0:
-                own = force_at(model, coarse, curve)
-        except ComputationError:
-            continue
-        errors[i] = SAFETY * abs(force - own) / size[step]
-    return _between(np.arange(curve.steps), chosen, errors)
+        others = []
+    unknown = np.full(curve.steps, np.nan)
+    off = (
+        sum((_off(curve, other) for other in others), np.zeros(curve.steps)) if others else unknown
+    )
+    curve = curve.replaced(numerical_error=SAFETY * off / scale_of(curve.value))
+    if not isinstance(curve, BendingCurve):
+        return curve
+    largest = np.abs(curve.value - curve.flat_moment).max()
+    changes = [_off(curve, other, other.flat_moment - curve.flat_moment) for other in others]
+    change = sum(changes, np.zeros(curve.steps)) if others else unknown
+    return curve.replaced(change_error=SAFETY * change / largest if largest > 0.0 else 0.0 * change)
 
 
-def increment_error(curve, coarse):
-    """Estimated error of curve.force_per_loop from its increments, (steps,), relative as above.
+def _off(curve, other, shift=0.0):
+    """Difference of the values of two solutions of a test, (steps,); the largest around each state.
 
-    coarse: the same test with twice the increment.  States are matched one by one or, where the way
-    back ends elsewhere, by strain within phase and cycle.
+    States are matched one by one or, where the way back ends elsewhere, by place within phase and
+    cycle.  shift: by which the other's values are higher throughout.
     """
-    size = scale_of(curve.force_per_loop)
-    if coarse.steps == curve.steps and np.allclose(
-        coarse.strain, curve.strain, rtol=0.0, atol=1e-9
-    ):
-        return SAFETY * np.abs(coarse.force_per_loop - curve.force_per_loop) / size
-    errors = np.full(curve.steps, np.nan)
+    if other.steps == curve.steps and np.allclose(other.place, curve.place, rtol=1e-9, atol=1e-9):
+        return _neighbourhood(np.abs(other.value - shift - curve.value))
+    off = np.full(curve.steps, np.nan)
     for cycle in np.unique(curve.cycle):
         for phase in np.unique(curve.phase):
             mine = np.flatnonzero((curve.cycle == cycle) & (curve.phase == phase))
-            theirs = np.flatnonzero((coarse.cycle == cycle) & (coarse.phase == phase))
+            theirs = np.flatnonzero((other.cycle == cycle) & (other.phase == phase))
             if not len(mine) or not len(theirs):
                 continue
-            theirs = theirs[np.argsort(coarse.strain[theirs])]
-            other = np.interp(
-                curve.strain[mine], coarse.strain[theirs], coarse.force_per_loop[theirs]
-            )
-            errors[mine] = SAFETY * np.abs(other - curve.force_per_loop[mine]) / size[mine]
-    return errors
+            theirs = theirs[np.argsort(other.place[theirs])]
+            at = np.interp(curve.place[mine], other.place[theirs], other.value[theirs])
+            # Where it has not been, nothing is known, but for the end of the way back.
+            far = curve.place[mine] > other.place[theirs].max() + 1e-9
+            off[mine] = np.where(far, np.nan, np.abs(at - shift - curve.value[mine]))
+    return _neighbourhood(off)
 
 
-def scale_of(force):
-    """What errors of a curve's forces are measured against: |force|, 1 % of the largest at least."""
-    return np.maximum(np.abs(force), FLOOR * np.abs(force).max())
+def scale_of(values):
+    """What errors of a curve's values are measured against: the size, 1 % of the largest at least."""
+    return np.maximum(np.abs(values), FLOOR * np.abs(values).max())
 
 
-def force_at(model, y, curve):
-    """Frictionless force per loop (N) on the driven entry of a curve's test, from the shape y on."""
-    scene = model.with_load(curve.load)
-    state = settle(model, y, model.free(*curve.free), scene=scene)
-    i = model.lattice + curve.driven
-    return (gradient_at(model, scene, state.y)[0][i] + scene.load[i]) / model.loops
-
-
-def _between(steps, known, values):
-    """At each step the largest of the values known at the two places on either side of it.
-
-    The error from the contact points wavers from state to state, hence two.  Next to a place where it
-    could not be found it is not known either.
-    """
-    right = np.clip(np.searchsorted(known, steps), 0, len(known) - 1)
-    left = np.where(known[right] == steps, right, np.maximum(right - 1, 0))
-    around = np.clip(right[:, None] + np.arange(-2, 2), 0, len(known) - 1)
-    unknown = np.isnan(values[left]) | np.isnan(values[right])
-    return np.where(unknown, np.nan, np.fmax.reduce(values[around], axis=1))
+def _neighbourhood(values):
+    """Largest of the values within AROUND places; NaN where the value itself is."""
+    padded = np.pad(values, AROUND, mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
+    return np.where(np.isnan(values), np.nan, np.fmax.reduce(around, axis=1))

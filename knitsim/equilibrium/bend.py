@@ -21,102 +21,34 @@ that about the mean plane, and the mean over all cuts.
 [-4.35, -4.23, -4.48]
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from knitsim.equilibrium.accuracy_bent import errors_of
-from knitsim.equilibrium.kernels.follow import REACHED, new_states
-from knitsim.equilibrium.kernels.follow_bent import (
-    RAN_AWAY,
-    STATE,
-    Bending,
-    flat_moment,
-    follow_bending,
-)
-from knitsim.equilibrium.kernels.records import Bend
-from knitsim.equilibrium.model import Model, centreline
-from knitsim.equilibrium.relax import REASONS
-from knitsim.equilibrium.result import LOADING, RECOVERY, States
+from knitsim.equilibrium.accuracy import estimated
+from knitsim.equilibrium.kernels.records import ANGLE, Bend
+from knitsim.equilibrium.result import DIRECTIONS, LOADING, RECOVERY, BendingCurve
+from knitsim.equilibrium.walk import Walk
 from knitsim.errors import InputError
-from knitsim.loop.repeat import rolled
 
-DIRECTIONS = {"course": 0, "wale": 1}
 INCREMENT = 100.0  # 1/m, largest change of curvature in one solve without friction
 FRICTION_INCREMENT = 25.0
 TIGHTEST = 0.5  # curvature times half the thickness, yarn included
 EXACT = 1e-12  # of the tightest curvature: how far a state may be from the asked one
-SLIP_ROUNDING = 0.01  # of the diameter squared times the change of curvature, see Bending
-TURN_ROUNDING = 0.01  # of the change of curvature
-LAG_PASSES = 12  # at most
+WIDEST = 2.0  # times the spacings at the start (or their inverse): beyond, they run away
 MOST_UNKNOWNS = 6000  # of a cell: its whole Hessian and factor, kept here, take 0.9 GB
-_REASONS = {**REASONS, RAN_AWAY: "the free spacings run away (beyond half or twice those at rest)"}
-
-
-@dataclass(frozen=True, eq=False)
-class BendingCurve(States):
-    """States of a bending test in the order visited; arrays (steps,) unless said.
-
-    Spacings are those in the mean plane, centre lines those of the loop before it is rolled up.
-    Names, units and signs follow the result store.  curvature (1/m); phase: 0 loading (the curvature
-    grows in size), 1 recovery; cycle: from 1, a new one where the curvature sets out to the side of
-    the first again; moment_per_width (N); flat_moment (N, one number): moment per width of the flat
-    fabric at rest; energy (steps, 3): stretch, bend, contact per loop (J); work, dissipated:
-    cumulative (J per loop); min_distance (diameters, NaN where nothing is near); residual (N);
-    iterations; y (steps, unknowns): the states, in the coordinates of the fabric before it is rolled
-    up.  width (m): transverse spacing at rest.  numerical_error (1): estimated error of the moment over
-    max(|moment|, 1 % of the largest); change_error (1): of its change from flat_moment, over the
-    largest change; NaN where not asked for.  A curve that ends early has fewer rows and a stop_reason
-    that is not empty.
-    """
-
-    model: Model
-    direction: str
-    spacings: str
-    width: float
-    flat_moment: float
-    curvature: np.ndarray
-    phase: np.ndarray
-    cycle: np.ndarray
-    moment_per_width: np.ndarray
-    energy: np.ndarray
-    work: np.ndarray
-    dissipated: np.ndarray
-    min_distance: np.ndarray
-    residual: np.ndarray
-    iterations: np.ndarray
-    y: np.ndarray
-    stop_reason: str
-    numerical_error: np.ndarray
-    change_error: np.ndarray
-
-    def centreline_bent(self, step, wales=0, courses=0):
-        """Points in space (points, 3) of the loop this many wales and courses on, in one state.
-
-        The axis of the cylinder lies at thickness -1/curvature over the origin.
-        """
-        bent = DIRECTIONS[self.direction]
-        points = centreline(self.model, self.y[step])
-        points[:, 0] += wales * self.wale_spacing[step]
-        points[:, 1] += courses * self.course_spacing[step]
-        along = points[:, bent].copy()
-        points[:, bent] = 0.0
-        return rolled(points, self.curvature[step], along, bent)
 
 
 def bend(relaxed, direction, curvatures, *, spacings="free", increment=None, estimate_error=False):
-    """Bend the relaxed fabric through ``curvatures`` (1/m), in that order; a :class:`BendingCurve`.
+    """Bend the relaxed fabric through ``curvatures`` (1/m), in that order; a :class:`.result.BendingCurve`.
 
     direction: "course" or "wale", the one that becomes curved.  spacings: "free" or "held" (at the
     relaxed ones; then the moment is that about the mean plane, next to a pressure).  Friction between
-    yarns and within them is that of the fabric, from no friction force at rest on.  increment: largest
+    yarns and within them is that of the fabric, with what it remembers at rest.  increment: largest
     change of curvature in one solved step (1/m), 25 with friction, 100 without.  estimate_error: fill
-    numerical_error and change_error, by solving the test again with twice the resolution, and with
-    friction also with half the steps.
+    numerical_error and change_error, by solving the test again, finer and with other steps.
 
     A path that cannot be followed to its end gives the states reached and a stop_reason.  Raises
     InputError for names that make no sense, for curvatures tighter than the fabric is thick, and for
-    cells of too many loops.
+    cells too large.
     """
     if direction not in DIRECTIONS:
         raise InputError("direction", direction, "must be course or wale")
@@ -136,70 +68,53 @@ def bend(relaxed, direction, curvatures, *, spacings="free", increment=None, est
             f"must be finite and {tightest:.4g} 1/m ({1e-2 * tightest:.4g} per cm) or less: the "
             "fabric is too thick for it",
         )
-    rubs = fabric.friction > 0.0 or fabric.bending_hysteresis > 0.0
     if increment is None:
-        increment = FRICTION_INCREMENT if rubs else INCREMENT
+        increment = FRICTION_INCREMENT if model.rub else INCREMENT
     if not 0.0 < increment < np.inf:
         raise InputError("increment", increment, "must be finite and above 0 1/m")
-    bent = DIRECTIONS[direction]
-    bending = Bending(
-        model.free(0, 3) if spacings == "free" else model.free(),
-        model.lattice + 3 * bent,
-        float(increment),
-        EXACT * tightest,
-        fabric.friction,
-        fabric.bending_hysteresis,
-        SLIP_ROUNDING * fabric.diameter**2,
-        TURN_ROUNDING,
-        LAG_PASSES,
-        model.expected,
-    )
-    scene = model.scene._replace(bend=Bend(0.0, bent, True))
-    states, kept = (
-        new_states(STATE, len(curvatures)),
-        np.full((len(curvatures), len(relaxed.y)), np.nan),
-    )
-    reached, status = follow_bending(
-        scene, model.trace, relaxed.y.copy(), curvatures, bending, model.control, states, kept
-    )
-    reason = ""
-    if status != REACHED:
-        reason = f"{_REASONS[status]}; stopped before curvature {curvatures[reached]:.6g} 1/m"
-    states, kept = states[:reached], kept[:reached]
-    phase, cycle = phases_of(curvatures[:reached])
+    bent, at = DIRECTIONS[direction], model.lattice
+    walk = Walk(
+        model.dense, model.scene._replace(bend=Bend(bent)), relaxed.y,
+        free=(0, 3) if spacings == "free" else (), driven=[at + ANGLE], over=[at + 3 * bent],
+        largest=increment, exact=EXACT * tightest, widest=WIDEST,
+        told=lambda target: f"curvature {target[0]:.6g} 1/m", memory=turned(relaxed.memory, bent),
+    )  # fmt: skip
     width = (relaxed.course_spacing, relaxed.wale_spacing)[bent]
-    per_width = width * model.loops
-    closest = states.closest / fabric.diameter
-    unknown = np.full(reached, np.nan)
+    flat = walk.force[at + ANGLE] / model.loops / width
+    walk.forward(curvatures[:, None])
+    states, force = walk.states()
+    steps = len(states["y"])
+    states["phase"], states["cycle"] = phases_of(curvatures[:steps])
     curve = BendingCurve(
-        model,
-        direction,
-        spacings,
-        width,
-        flat_moment(scene, relaxed.y) / per_width,
-        curvatures[:reached].copy(),
-        phase,
-        cycle,
-        states.moment / per_width,
-        states.terms / model.loops,
-        states.work / model.loops,
-        states.lost / model.loops,
-        np.where(np.isfinite(closest), closest, np.nan),
-        states.residual.copy(),
-        states.iterations.copy(),
-        kept,
-        reason,
-        unknown,
-        unknown.copy(),
+        **states,
+        direction=direction,
+        spacings=spacings,
+        width=width,
+        flat_moment=float(flat),
+        curvature=curvatures[:steps].copy(),
+        moment_per_width=force[:, at + ANGLE] / model.loops / width,
+        change_error=np.full(steps, np.nan),
     )
-    if not estimate_error or not reached:
+    if not estimate_error or not steps:
         return curve
 
     def again(start, largest):
         return bend(start, direction, curve.curvature, spacings=spacings, increment=largest)
 
-    moment, change = errors_of(relaxed, curve, increment, again)
-    return curve.replaced(numerical_error=moment, change_error=change)
+    return estimated(relaxed, curve, increment, again)
+
+
+def turned(memory, bent):
+    """What friction remembers, its vectors in the frame of a fabric that is bent along ``bent``.
+
+    There the first component lies along the bent direction, the second along the cylinder's axis.
+    """
+    if memory is None or memory == () or bent == 0:
+        return memory
+    pairs = memory.pairs.copy()
+    for name in ("held", "facing"):
+        pairs[name][:, :2] = pairs[name][:, 1::-1]
+    return memory._replace(pairs=pairs)
 
 
 def phases_of(curvatures):

@@ -34,7 +34,7 @@ class Cell:
 
     kind: "quarter" or "full"; points, contacts: control and contact points per loop; wales, courses:
     loops in the cell (1 for the quarter).  rows: for every control point of every chain, three dicts
-    column -> value, the lattice at columns count .. count + 3.  chain (yarns): first control point
+    column -> value, the lattice at columns from count on.  chain (yarns): first control point
     of each chain; spans: spans of a chain; origin: parameter u of control point 1 of a chain;
     copies: how often the cell's energy counts for all its loops.
     """
@@ -249,7 +249,7 @@ def touch_of(cell, loop_length, exclude):
         same=steps[:, 1] == 0.0,
         inverse=inverse,
     )
-    return Touch(points, images, cell.copies, float(exclude))
+    return Touch(points, images, cell.copies, float(exclude), float(np.abs(steps).max()))
 
 
 def trace_of(cell, touch):
@@ -282,11 +282,12 @@ def expected_crossings(cell):
 def pack(cell, loop, lattice):
     """Unknowns y of a cell filled with one loop's shape.
 
-    loop: control points (points, 3) of one loop in the cell's origin; lattice (4,): L.
+    loop: control points (points, 3) of one loop in the cell's origin; lattice (4 or 5,): L, the angle
+    zero where it is left out.
     """
     lattice = np.asarray(lattice, dtype=float)
     y = np.zeros(cell.count + LATTICE)
-    y[cell.count :] = lattice
+    y[cell.count : cell.count + len(lattice)] = lattice
     if cell.kind == "quarter":
         all_points = loop[: cell.spans + 1]
     else:

@@ -118,6 +118,11 @@ class ContactLaw:
                 "contact core", self.core(diameter), f"must be below the diameter {diameter:g} m"
             )
 
+    def shell(self, diameter):
+        """Stiffness of the contact where it is first touched (N/m3): mean over a tenth of the gap."""
+        gap = 0.1 * (diameter - self.core(diameter))
+        return 2.0 * float(self.energy(diameter - gap, diameter)) / gap**2
+
     def grown(self, factor):
         """The law of a yarn ``factor`` times as thick: its lengths grow along."""
         longer = {n: factor * getattr(self, n) for n, q in self.quantities().items() if q.length}

@@ -28,8 +28,10 @@ class Fabric:
     reversible; contact: compression of the yarn; friction: Coulomb's coefficient between yarns;
     set_fraction: rest curvature of the yarn as a part of the curvature magnitude of the loop held at
     the stated spacings (0 straight, 1 fully set); bending_hysteresis: couple by which the yarn's
-    moment lags behind its curvature (N m), half the width of the yarn's own hysteresis loop; it acts
-    where the fabric is bent, not where it is pulled.
+    moment lags behind its curvature (N m), half the width of the yarn's own hysteresis loop.  sticking:
+    stiffness of a contact along the yarns before they slide, over that across them where they first
+    touch; stuck_rigidity: how much stiffer the yarn bends before its fibres slide, over its bending
+    rigidity.
 
     Raises InputError for a fabric that cannot exist.
     """
@@ -44,6 +46,8 @@ class Fabric:
     friction: float = 0.0
     set_fraction: float = 0.0
     bending_hysteresis: float = 0.0
+    sticking: float = 1.0
+    stuck_rigidity: float = 20.0
 
     def __post_init__(self):
         for name in ("wale_spacing", "course_spacing", "loop_length", "diameter"):
@@ -52,6 +56,8 @@ class Fabric:
         _within("friction", self.friction, 0.0, 1.0)
         _within("set fraction", self.set_fraction, 0.0, 1.0)
         _within("bending hysteresis", self.bending_hysteresis, 0.0, 1.0, " N m")
+        _within("sticking", self.sticking, 1e-3, 1e3)
+        _within("stuck rigidity", self.stuck_rigidity, 1e-3, 1e6)
         if not isinstance(self.law, TensionLaw):
             raise InputError("law", self.law, "must be a TensionLaw")
         self.contact.check(self.diameter)

@@ -1,27 +1,20 @@
 """From a fabric and a resolution to the arrays of the compiled solver."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from knitsim.equilibrium import cell as cells
 from knitsim.equilibrium import spline
 from knitsim.equilibrium.fabric import Fabric, Resolution
+from knitsim.equilibrium.kernels.friction import MEMORY, Memory, Rub
+from knitsim.equilibrium.kernels.lag import LAG_MEMORY, Couple
 from knitsim.equilibrium.kernels.newton import Control
-from knitsim.equilibrium.kernels.records import (
-    COUPLE,
-    CYLINDER,
-    KINK,
-    LATTICE,
-    Bend,
-    Scene,
-    Stretch,
-    Touch,
-    records,
-)
+from knitsim.equilibrium.kernels.records import KINK, LATTICE, Scene, Stretch, Touch, records
 
 NEIGHBOURS = 1.6  # diameters of arc below which two places of one yarn do not touch
-TOLERANCE = 1e-6  # of B/d^2
+# Of B/d^2 and of B/l^2, whichever is less: in an open fabric forces are of the order of the latter.
+TOLERANCE, OPEN_TOLERANCE = 1e-6, 1e-4
 STEP_CAP = 0.15  # diameters
 SKIN = 0.15  # diameters
 ITERATIONS = 60
@@ -38,7 +31,7 @@ class Model:
 
     sparse: whether the Hessian is kept as a sparse matrix, which is faster in large cells.
 
-    The lattice stands in the unknowns at ``lattice`` .. ``lattice`` + 3.
+    The lattice stands in the unknowns from ``lattice`` on.
     """
 
     fabric: Fabric
@@ -67,8 +60,36 @@ class Model:
     def with_load(self, load):
         """Scene under dead loads on the lattice; load: (4,), N per loop."""
         loads = np.zeros(self.cell.count + LATTICE)
-        loads[self.lattice :] = np.asarray(load) * self.loops
+        loads[self.lattice : self.lattice + 4] = np.asarray(load) * self.loops
         return self.scene._replace(load=loads)
+
+    @property
+    def dense(self):
+        """The same model with a dense Hessian, which alone knows how to bend."""
+        return replace(self, sparse=False) if self.sparse else self
+
+    @property
+    def rub(self):
+        """Friction between and within the yarns for the kernels; () where there is none."""
+        fabric = self.fabric
+        if fabric.friction == 0.0 and fabric.bending_hysteresis == 0.0:
+            return ()
+        couple = ()
+        if fabric.bending_hysteresis > 0.0:
+            couple = Couple(
+                fabric.bending_hysteresis, fabric.stuck_rigidity * fabric.bending_rigidity
+            )
+        shell = fabric.sticking * fabric.contact.shell(fabric.diameter)
+        return Rub(float(fabric.friction), float(shell), couple)
+
+    @property
+    def virgin(self):
+        """What friction remembers before anything has moved."""
+        rub = self.rub
+        if rub == ():
+            return ()
+        lags = np.zeros(0, LAG_MEMORY) if rub.couple else ()
+        return Memory(np.zeros(0, MEMORY), np.zeros((0, 0), MEMORY), lags)
 
 
 def rounded_law(law):
@@ -109,21 +130,21 @@ def build_model(fabric, resolution=None, sparse=None):
     unknowns = cell.count + LATTICE
     scale = np.full(unknowns, 1.0 / (cell.wales * cell.courses))
     scale[: cell.count] = 1.0 / cell.copies
+    scale[-1] /= fabric.wale_spacing  # a couple by the angle
     scene = Scene(
         cell.map,
         cells.rod_of(cell, fabric.loop_length, fabric.bending_rigidity),
         rounded_law(fabric.law),
         touch,
-        records(CYLINDER, 0),
-        records(COUPLE, 0),
-        Bend(0.0, 0, False),
         fabric.contact.array(fabric.diameter),
         np.zeros(unknowns),
         scale,
+        (),
+        (),
     )
     d = fabric.diameter
     control = Control(
-        TOLERANCE * fabric.bending_rigidity / d**2,
+        fabric.bending_rigidity * min(TOLERANCE / d**2, OPEN_TOLERANCE / fabric.loop_length**2),
         STEP_CAP * d,
         SKIN * d,
         ITERATIONS if cell.kind == "quarter" else FULL_ITERATIONS,
@@ -153,26 +174,13 @@ def with_set(model, y):
     rounding = SET_ROUNDING * 2.0 * np.pi / model.fabric.loop_length
     rod = rod.copy()
     rod.rest, rod.rounding = model.fabric.set_fraction * curvature, rounding
-    return _replaced(model, scene._replace(rod=rod))
+    return replace(model, scene=scene._replace(rod=rod))
 
 
 def with_diameter(model, diameter):
     """The same model with contact from another diameter on, for continuation in the diameter."""
     contact = model.fabric.contact.grown(diameter / model.fabric.diameter)
-    return _replaced(model, model.scene._replace(law=contact.array(diameter)))
-
-
-def _replaced(model, scene):
-    return Model(
-        model.fabric,
-        model.resolution,
-        model.cell,
-        scene,
-        model.trace,
-        model.expected,
-        model.control,
-        model.sparse,
-    )
+    return replace(model, scene=model.scene._replace(law=contact.array(diameter)))
 
 
 def refine(model, y, fine):

@@ -17,30 +17,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from knitsim.equilibrium import spline
-from knitsim.equilibrium.cell import owners, to_map
-from knitsim.equilibrium.kernels.contact import law_at, place_points
-from knitsim.equilibrium.kernels.friction import begin_slip, lag_at, loss_of, no_slip
-from knitsim.equilibrium.kernels.newton import (
-    CONVERGED,
-    Control,
-    expand,
-    minimise,
-    new_work,
-    pairs_at,
+from knitsim.equilibrium.contact import BarrierContact
+from knitsim.equilibrium.kernels.accept import NOT_SETTLED
+from knitsim.equilibrium.kernels.contact import law_at
+from knitsim.equilibrium.kernels.energy import new_work
+from knitsim.equilibrium.kernels.follow import (
+    LOOSE,
+    PASSES,
+    SETTLED,
+    begin_friction,
+    end_friction,
+    lag_friction,
 )
-from knitsim.equilibrium.kernels.records import (
-    COUPLE,
-    CYLINDER,
-    IMAGE,
-    LATTICE,
-    ROD,
-    TOUCH_POINT,
-    Bend,
-    Scene,
-    Touch,
-    records,
-)
-from knitsim.equilibrium.model import NEIGHBOURS, rounded_law
+from knitsim.equilibrium.kernels.friction import MEMORY, Memory, Rub
+from knitsim.equilibrium.kernels.newton import CONVERGED, Control, minimise
+from knitsim.equilibrium.kernels.pairs import expand, pairs_at, place_points
+from knitsim.equilibrium.kernels.records import LATTICE, Scene
+from knitsim.equilibrium.open_scene import assemble, loads_of, out_of_plane, turned
 from knitsim.equilibrium.relax import REASONS
 from knitsim.errors import ComputationError, InputError
 from knitsim.yarn.law import TensionLaw
@@ -48,7 +41,6 @@ from knitsim.yarn.law import TensionLaw
 TOLERANCE = 1e-9  # residual, of B/L^2 + the loads
 ROUND_OFF = 1e-14  # of the stretch stiffness: strains are not known better
 ITERATIONS = 400
-SLIP_ROUNDING = 1e-5  # of the longest yarn
 TRUST = 6
 CLEAR = 0.3  # of a contact distance: largest step
 
@@ -141,6 +133,11 @@ class Cylinder:
     distance: float
     stiffness: float
 
+    @property
+    def law(self):
+        """The barrier law of the yarn against it, per length of yarn."""
+        return BarrierContact(self.stiffness)
+
 
 @dataclass(frozen=True, eq=False)
 class OpenState:
@@ -213,7 +210,7 @@ class OpenState:
 
     def cylinder_force(self, cylinder=0):
         """Normal force per contact point of a cylinder on the yarns, (points, 3), N."""
-        touch, rigid = self.scene.touch, self.scene.cylinders
+        touch, rigid = self.scene.touch, self.scene.fixtures.cylinders
         points = np.zeros((touch.points.size, 3))
         place_points(touch, self.x, points)
         d = points - rigid.point[cylinder]
@@ -242,18 +239,17 @@ def solve_open(
     contact=None,
     diameter=1e-3,
     friction=0.0,
+    sticking=1.0,
     steps=10,
-    passes=3,
-    slip_rounding=None,
     rounding=1e-4,
     planar=None,
 ):
     """Bring the loads up and the supports to their places in ``steps``; an :class:`OpenState`.
 
     contact: BarrierContact or CoreContact between yarns of this diameter (m), None for none;
-    friction: coefficient at all contacts; slip_rounding (m): slip at which friction is fully
-    mobilised, None for 1e-5 of the longest yarn; rounding: of
-    |kappa| near zero where there is a rest curvature, times 1/length.
+    friction: coefficient at all contacts; sticking: their stiffness along the yarns before they slide,
+    over that across them where they first touch; rounding: of |kappa| near zero where there is a
+    rest curvature, times 1/length.
     All yarns share one tension law (that of the first).  planar: nothing moves along the thickness;
     where None, so if nothing in the scene points out of the plane.  (A yarn without torsional
     stiffness is not stable out of its plane under every load.)
@@ -263,15 +259,15 @@ def solve_open(
     yarns = tuple(yarns)
     if not yarns or any(y.law is not yarns[0].law for y in yarns):
         raise InputError("yarns", len(yarns), "must be one or more, all with the same law")
-    scene, chain, supports, y = _assemble(yarns, cylinders, contact, diameter, rounding)
+    scene, chain, supports, y = assemble(yarns, cylinders, contact, diameter, rounding)
     own = min(supports.values(), default=len(y) - LATTICE)
-    loads = _loads(yarns, scene, chain)
-    out = _out_of_plane(scene, own)
+    loads = loads_of(yarns, scene, chain)
+    out = out_of_plane(scene, own)
+    couples = scene.fixtures.couples
     if planar is None:
-        planar = not (y[out].any() or loads[out].any() or scene.couples.normal[:, :2].any())
+        planar = not (y[out].any() or loads[out].any() or couples.normal[:, :2].any())
     free = np.setdiff1d(np.arange(own), out) if planar else np.arange(own)
     longest = max(yarn.length for yarn in yarns)
-    slip_rounding = SLIP_ROUNDING * longest if slip_rounding is None else slip_rounding
     rigidity = max(yarn.bending_rigidity for yarn in yarns)
     tolerance = TOLERANCE * (rigidity / longest**2 + np.abs(loads).sum())
     tolerance += ROUND_OFF * scene.stretch.stiffness
@@ -282,45 +278,49 @@ def solve_open(
         + ([] if contact is None else [CLEAR * diameter])
     )
     control = Control(tolerance, cap, 0.1 * diameter, ITERATIONS, TRUST)
+    rub, memory = (), ()
+    if friction > 0.0:
+        shell = 0.0 if contact is None else sticking * contact.shell(diameter)
+        scene.fixtures.cylinders.shell *= sticking
+        rub = Rub(float(friction), max(shell, 1e-300), ())
+        size = (len(cylinders), scene.touch.points.size)
+        memory = Memory(np.zeros(0, MEMORY), np.zeros(size, MEMORY), ())
     work = new_work(scene)
     begin, target = y.copy(), y.copy()
     for (k, end), first in supports.items():
         place = getattr(yarns[k], end).moved_to
         if place is not None:
             target[first : first + 3] = place
-    couples = scene.couples
     lost, total = 0.0, 0
     for step in range(1, steps + 1):
         part = step / steps
         expand(scene.map, y, work.x)
         scene = scene._replace(
             load=part * loads,
-            couples=_turned(couples, part, work.x),
+            fixtures=scene.fixtures._replace(couples=turned(couples, part, work.x)),
         )
-        start = y.copy()
+        pairs = pairs_at(scene, y, control.skin, work)
+        slip = begin_friction(scene, y, pairs, rub, memory, work)
         y[own:] = (begin + part * (target - begin))[own:]
-        slip, pairs = no_slip(), None
-        for once in range(passes if friction > 0.0 else 1):
-            if friction > 0.0:
-                at = y if once else start
-                lattice = expand(scene.map, at, work.x)
-                place_points(scene.touch, work.x, work.points)
-                if once:
-                    lag_at(scene, work.points, lattice, pairs[1], friction, slip)
-                else:
-                    pairs = pairs_at(scene, start, control.skin, work)
-                    slip = begin_slip(scene, work.points, lattice, pairs, friction, slip_rounding)
-            status, used, residual = minimise(scene, y, free, slip, control, work)
+        settled = lag_friction(scene, y, slip, rub, work) == 0.0
+        for _ in range(PASSES + 1):
+            aim = control
+            if not settled:
+                aim = control._replace(tolerance=LOOSE * control.tolerance)
+            status, used, residual, pairs = minimise(scene, y, free, pairs, slip, aim, work)
             total += used
-            if status != CONVERGED:
-                raise ComputationError(
-                    f"open yarns: step {step} of {steps}: {REASONS[status]} "
-                    f"(residual {residual:.3g} N, tolerance {tolerance:.3g} N)"
-                )
-        if friction > 0.0:
-            lattice = expand(scene.map, y, work.x)
-            place_points(scene.touch, work.x, work.points)
-            lost += loss_of(scene, work.points, lattice, slip)
+            if status != CONVERGED or settled:
+                break
+            settled = lag_friction(scene, y, slip, rub, work) <= SETTLED
+        else:
+            status = NOT_SETTLED
+        if status != CONVERGED:
+            raise ComputationError(
+                f"open yarns: step {step} of {steps}: {REASONS[status]} "
+                f"(residual {residual:.3g} N, tolerance {tolerance:.3g} N)"
+            )
+        memory, loss, _ = end_friction(scene, y, slip, memory, work)
+        lost += loss
     return OpenState(
         yarns,
         scene,
@@ -334,195 +334,3 @@ def solve_open(
         residual,
         total,
     )
-
-
-def _out_of_plane(scene, own):
-    """Unknowns below ``own`` that only move points along the thickness."""
-    map_ = scene.map
-    row = owners(map_)
-    column = map_.entries.column
-    moves = (map_.entries.value != 0.0) & (row < len(map_.rows) - LATTICE)
-    along = np.zeros(own, dtype=bool)
-    along[[c for c in column[moves & (row % 3 == 2)] if c < own]] = True
-    along[[c for c in column[moves & (row % 3 != 2)] if c < own]] = False
-    return np.flatnonzero(along)
-
-
-def _turned(couples, part, x):
-    """``part`` of the couples, their angles counted from the tangents at the control points x."""
-    v = np.einsum("ma,mak->mk", couples.d1, x[couples.first[:, None] + np.arange(4)])
-    v -= (v * couples.normal).sum(1)[:, None] * couples.normal
-    turned = couples.copy()
-    turned.moment = part * couples.moment
-    turned.reference = v / np.linalg.norm(v, axis=1)[:, None]
-    return turned
-
-
-def _assemble(yarns, cylinders, contact, diameter, rounding):
-    """Scene, first control point of each yarn, columns of the supports, starting unknowns."""
-    rows, start, supports, counter = [], [], {}, 0
-    controls = [yarn.control() for yarn in yarns]
-    chain = np.cumsum([0] + [len(c) for c in controls])[:-1]
-    for k, (yarn, control) in enumerate(zip(yarns, controls, strict=True)):
-        own = [None] * len(control)
-        ends = {"start": (0, 1, 2, 1.0), "end": (-1, -2, -3, -1.0)}
-        held = {}
-        for end, (outer, middle, inner, sense) in ends.items():
-            support = getattr(yarn, end)
-            if support is None:
-                continue
-            # Place: (Q_outer + 4 Q_middle + Q_inner)/6 = P.  Direction: Q_inner - Q_outer = s t.
-            t = None
-            if support.kind == "clamped":
-                t = support.direction
-                t = sense * (control[inner] - control[outer]) if t is None else np.array(t, float)
-                t = t / np.linalg.norm(t)
-            held[end] = (outer, middle, inner, sense, t)
-        skip = set()
-        for outer, middle, _, _, t in held.values():
-            skip.add(middle % len(control))
-            if t is not None:
-                skip.add(outer % len(control))
-        for i, point in enumerate(control):
-            if i not in skip:
-                own[i] = [{counter + axis: 1.0} for axis in range(3)]
-                start += list(point)
-                counter += 3
-        for end, (outer, middle, inner, sense, t) in held.items():
-            if t is not None:
-                along = counter
-                counter += 1
-                start.append(sense * (control[inner] - control[outer]) @ t)
-                own[outer] = [{**own[inner][axis], along: -sense * t[axis]} for axis in range(3)]
-            supports[k, end] = (own, outer, middle, inner, controls[k])
-        rows.append(own)
-    columns = {}
-    for key, (own, outer, middle, inner, control) in supports.items():
-        columns[key] = counter
-        start += list((control[outer] + 4.0 * control[middle] + control[inner]) / 6.0)
-        own[middle] = [
-            _sum((1.5, {counter + axis: 1.0}), (-0.25, own[outer][axis]), (-0.25, own[inner][axis]))
-            for axis in range(3)
-        ]
-        counter += 3
-    map_ = to_map([row for own in rows for row in own], counter)
-    y = np.array([*start, 0.0, 0.0, 0.0, 0.0])
-    law = np.zeros(4) if contact is None else contact.array(diameter)
-    scene = Scene(
-        map_,
-        _rod(yarns, chain, rounding),
-        rounded_law(yarns[0].law),
-        _touch(yarns, chain, diameter, contact is not None or bool(cylinders)),
-        _cylinders(cylinders),
-        _couples(yarns, chain),
-        Bend(0.0, 0, False),
-        law,
-        np.zeros(len(y)),
-        np.ones(len(y)),
-    )
-    return scene, chain, columns, y
-
-
-def _sum(*terms):
-    total = {}
-    for factor, row in terms:
-        for column, value in row.items():
-            total[column] = total.get(column, 0.0) + factor * value
-    return total
-
-
-def _rod(yarns, chain, rounding):
-    parts = []
-    for yarn, first in zip(yarns, chain, strict=True):
-        n = yarn.elements
-        span = yarn.length / n
-        place = np.tile(spline.GAUSS_POINTS, n)
-        at = np.repeat(np.arange(n), 3)
-        rest = np.zeros(3 * n)
-        if yarn.rest_curvature is not None:
-            rest = np.asarray(yarn.rest_curvature((at + place) / n), dtype=float)
-        parts.append(
-            records(
-                ROD,
-                3 * n,
-                first=at + first,
-                d0=spline.basis(place),
-                d1=spline.basis_first(place),
-                d2=spline.basis_second(place),
-                span=span,
-                weight=np.tile(spline.GAUSS_WEIGHTS, n) * span,
-                rest=rest,
-                stiffness=yarn.bending_rigidity,
-                rounding=rounding / min(yarn.length for yarn in yarns),
-            )
-        )
-    return np.concatenate(parts).view(np.recarray)
-
-
-def _touch(yarns, chain, diameter, wanted):
-    parts = []
-    for k, (yarn, begin) in enumerate(zip(yarns, chain, strict=True)):
-        m = yarn.contacts if wanted else 0
-        place = np.tile((np.arange(m) + 0.5) / max(m, 1), yarn.elements)
-        at = np.repeat(np.arange(yarn.elements), m)
-        step = yarn.length / yarn.elements
-        parts.append(
-            records(
-                TOUCH_POINT,
-                len(at),
-                first=at + begin,
-                yarn=k,
-                basis=spline.basis(place),
-                length=step / max(m, 1),
-                arc=(at + place) * step,
-            )
-        )
-    images = records(IMAGE, 1, sign=1.0, arc_sign=1.0, same=True)
-    points = np.concatenate(parts).view(np.recarray)
-    return Touch(points, images, 1.0, NEIGHBOURS * diameter)
-
-
-def _cylinders(cylinders):
-    axis = np.array([c.axis for c in cylinders], dtype=float).reshape(-1, 3)
-    return records(
-        CYLINDER,
-        len(cylinders),
-        point=np.array([c.point for c in cylinders], dtype=float).reshape(-1, 3),
-        axis=axis / np.linalg.norm(axis, axis=1)[:, None],
-        law=np.array([[0.0, c.distance, 0.0, c.stiffness] for c in cylinders]).reshape(-1, 4),
-    )
-
-
-def _couples(yarns, chain):
-    turned = [k for k, yarn in enumerate(yarns) if yarn.couple]
-    axis = np.array([yarns[k].couple_axis for k in turned], dtype=float).reshape(-1, 3)
-    return records(
-        COUPLE,
-        len(turned),
-        first=[chain[k] + yarns[k].elements - 1 for k in turned],
-        d1=spline.basis_first([1.0]),
-        moment=[yarns[k].couple for k in turned],
-        normal=axis / np.linalg.norm(axis, axis=1)[:, None],
-    )
-
-
-def _loads(yarns, scene, chain):
-    """Dead loads by the unknowns."""
-    rows = len(scene.map.rows)
-    force = np.zeros(rows)
-    for yarn, first in zip(yarns, chain, strict=True):
-        n = yarn.elements
-        for place, load in ((0, yarn.start_force), (n, yarn.tip_force)):
-            for a, part in enumerate((1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0)):
-                at = 3 * (first + place + a)
-                force[at : at + 3] += part * np.asarray(load, dtype=float)
-        step = yarn.length / n
-        for g, weight in zip(spline.GAUSS_POINTS, spline.GAUSS_WEIGHTS, strict=True):
-            for a, part in enumerate(spline.basis([g])[0]):
-                for i in range(n):
-                    at = 3 * (first + i + a)
-                    force[at : at + 3] += weight * step * part * np.asarray(yarn.weight, float)
-    loads = np.zeros(len(scene.load))
-    entries = scene.map.entries
-    np.add.at(loads, entries.column, entries.value * force[owners(scene.map)])
-    return loads

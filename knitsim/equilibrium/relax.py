@@ -13,7 +13,7 @@ from knitsim.equilibrium import spline
 from knitsim.equilibrium import start as shape
 from knitsim.equilibrium.cell import loop_of, pack
 from knitsim.equilibrium.fabric import Resolution
-from knitsim.equilibrium.kernels.follow import CROSSINGS_LOST, TOO_CLOSE
+from knitsim.equilibrium.kernels.accept import CROSSINGS_LOST, NOT_SETTLED, RAN_AWAY, TOO_CLOSE
 from knitsim.equilibrium.kernels.newton import (
     CONVERGED,
     NO_DESCENT,
@@ -38,6 +38,8 @@ REASONS = {
     NOT_FINITE: "energy or residual is not finite: yarns overlap too deeply",
     CROSSINGS_LOST: "yarns passed through each other (crossings lost)",
     TOO_CLOSE: "yarns are squeezed closer together than their contact points stand",
+    RAN_AWAY: "the free spacings run away (beyond half or twice those at rest)",
+    NOT_SETTLED: "the normal forces of friction do not settle",
 }
 
 # Starts tried in turn: sideways overlap of the legs and thickness, in diameters.
@@ -55,10 +57,11 @@ RELAX_ITERATIONS, RELAX_TRUST = 1000, 6
 class Relaxed:
     """A fabric in equilibrium at rest; start of every test.
 
-    y: unknowns; wale_spacing, course_spacing (m); energy (3,): stretch, bend, contact per loop (J);
+    y: unknowns; wale_spacing, course_spacing (m); energy (4,): stretch, bend, contact, friction per loop (J);
     residual (N); min_distance (diameters, NaN where nothing is near); iterations; crossings_intact.
     stable: whether the energy without friction has a minimum here, by all unknowns of the cell; None
-    for the quarter, which cannot know (see :mod:`stability`).
+    for the quarter, which cannot know (see :mod:`stability`).  memory: what friction remembers of the way
+    here, None where nothing has moved.
     """
 
     model: Model
@@ -69,6 +72,7 @@ class Relaxed:
     iterations: int
     crossings_intact: bool
     stable: bool | None
+    memory: tuple | None = None
 
     @property
     def wale_spacing(self):
@@ -86,7 +90,7 @@ class Relaxed:
 
 def is_intact(model, y):
     """Crossings as in plain knit, checked on one whole loop by :mod:`knitsim.loop.lattice`."""
-    lattice = y[model.lattice :].reshape(2, 2)
+    lattice = y[model.lattice : model.lattice + 4].reshape(2, 2)
     c = model.cell
     if c.wales * c.courses > 1:
         return is_plain(model, y)
@@ -149,7 +153,7 @@ def settle(model, y, free, used=0, scene=None):
     return Relaxed(
         model,
         y,
-        work.terms / model.loops,
+        np.append(work.terms, 0.0) / model.loops,
         residual,
         float(distance) if np.isfinite(distance) else np.nan,
         used + iterations,

@@ -1,7 +1,7 @@
 """What a test of a fabric gives: one row for every asked state, and why it ended."""
 
 import functools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -9,12 +9,41 @@ from knitsim.equilibrium.cell import control_points
 from knitsim.equilibrium.kernels.yarn import stretch_at
 from knitsim.equilibrium.model import Model, centreline
 from knitsim.equilibrium.relax import is_intact
+from knitsim.loop.repeat import rolled
 
 LOADING, RECOVERY = 0, 1
+DIRECTIONS = {"course": 0, "wale": 1}
 
 
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class States:
-    """What the states y (steps, unknowns) of any test of a model say about the fabric."""
+    """States of a test, in the order visited; arrays of shape (steps,) unless said.
+
+    Names, units and signs follow the result store: SI, strains from the relaxed state, energies per
+    loop.  phase: 0 loading, 1 recovery; cycle: from 1; segment: number of the turning point that was
+    walked towards, from 0.  energy (steps, 4): stretch, bend, contact, and what friction holds without
+    sliding; work, dissipated (J): cumulative.  min_distance: diameters, NaN where nothing is near;
+    residual (N); iterations of Newton's method and increments since the last row.  y (steps, unknowns):
+    the states themselves.  memory: what friction remembers at the end.  stop_reason: not empty where a
+    test ends early; it then has fewer rows.  numerical_error (1): estimated error of the force or
+    moment over max(|it|, 1 % of the largest); NaN where it was not asked for or not found.
+    """
+
+    model: Model
+    phase: np.ndarray
+    cycle: np.ndarray
+    segment: np.ndarray
+    energy: np.ndarray
+    work: np.ndarray
+    dissipated: np.ndarray
+    min_distance: np.ndarray
+    residual: np.ndarray
+    iterations: np.ndarray
+    increments: np.ndarray
+    y: np.ndarray
+    memory: tuple = field(default=(), repr=False)
+    stop_reason: str = ""
+    numerical_error: np.ndarray
 
     @property
     def steps(self):
@@ -43,48 +72,51 @@ class States:
         return np.array([centreline(self.model, y) for y in self.y])
 
     def replaced(self, **changes):
-        """This curve with other values of some fields."""
+        """These states with other values of some fields."""
         return replace(self, **changes)
 
+    def _told(self, what, reached):
+        ended = f"; ended early: {self.stop_reason}" if self.stop_reason else ""
+        return f"<{what}: {self.steps} states, {reached}{ended}>"
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Curve(States):
-    """States of a test, in the order visited; arrays of shape (steps,) unless said.
+    """A test in the plane of the fabric.
 
-    Names, units and signs follow the result store: SI, strains from the relaxed state, energies per
-    loop.  test: "course", "wale", "biaxial" or "shear"; strain: engineering strain along the pull,
-    in shear the angle (rad), for biaxial tests that along the course; wale_strain likewise along the
-    wale.  phase: 0 loading, 1 recovery; cycle: from 1.  force_per_loop (N): derivative of one
-    loop's energy by the spacing pulled; force_per_width (N/m): that over the transverse spacing of
-    the relaxed state.  forces (steps, 4): derivatives by all lattice entries (N).  energy (steps, 3):
-    stretch, bend, contact.  work, dissipated (J): cumulative.  y (steps, unknowns): the states
-    themselves.  status: 0 for a state that was reached; a curve that ends early has fewer rows and
-    a stop_reason that is not empty.  numerical_error (1): estimated error of the force over
-    max(|force|, 1 % of the largest); NaN where it was not asked for.
+    test: "course", "wale", "biaxial" or "shear"; strain: engineering strain along the pull, in shear the
+    angle (rad), for biaxial tests that along the course; wale_strain likewise along the wale.
+    force_per_loop (N): derivative of one loop's energy by the spacing pulled; force_per_width (N/m): that
+    over the transverse spacing of the relaxed state.  forces (steps, 4): derivatives by all lattice
+    entries (N).  status: 0 for a state that was reached.  driven, free: lattice entries that were
+    prescribed and left to equilibrium; load (4,): dead load on them (N per loop).
     """
 
-    model: Model
     test: str
     strain: np.ndarray
     wale_strain: np.ndarray
-    phase: np.ndarray
-    cycle: np.ndarray
     force_per_loop: np.ndarray
     force_per_width: np.ndarray
     forces: np.ndarray
-    energy: np.ndarray
-    work: np.ndarray
-    dissipated: np.ndarray
-    min_distance: np.ndarray
-    residual: np.ndarray
-    iterations: np.ndarray
     status: np.ndarray
-    y: np.ndarray
     driven: int
     free: tuple
     load: np.ndarray
-    stop_reason: str
-    numerical_error: np.ndarray
+
+    def __repr__(self):
+        most = np.argmax(np.abs(self.force_per_width)) if self.steps else 0
+        largest = f"{self.force_per_width[most]:.4g} N/m at {self.strain[most]:.3g}"
+        return self._told(f"{self.test} test", f"largest force {largest}")
+
+    @property
+    def value(self):
+        """What the test measures, for error estimates: the force per loop (N)."""
+        return self.force_per_loop
+
+    @property
+    def place(self):
+        """Where: the strain along the pull (1)."""
+        return self.strain
 
     @property
     def yarn_strain(self):
@@ -113,3 +145,50 @@ class Curve(States):
         if self.test == "course":
             return self.course_spacing / relaxed.course_spacing - 1.0
         return self.wale_spacing / relaxed.wale_spacing - 1.0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class BendingCurve(States):
+    """A bending test.
+
+    Spacings are those in the mean plane, centre lines those of the loop before it is rolled up.
+    direction: that which becomes curved; spacings: "free" or "held"; width (m): transverse spacing at
+    rest.  curvature (1/m); phase: 0 where it grows in size; cycle: a new one where the curvature sets out
+    to the side of the first again; moment_per_width (N); flat_moment (N, one number): moment per width
+    of the flat fabric at rest.  change_error (1): estimated error of the moment's change from
+    flat_moment, over the largest change; NaN where not asked for.
+    """
+
+    direction: str
+    spacings: str
+    width: float
+    flat_moment: float
+    curvature: np.ndarray
+    moment_per_width: np.ndarray
+    change_error: np.ndarray
+
+    def __repr__(self):
+        return self._told(f"{self.direction} bending", f"flat {1e3 * self.flat_moment:.4g} mN")
+
+    @property
+    def value(self):
+        """What the test measures, for error estimates: the moment per width (N)."""
+        return self.moment_per_width
+
+    @property
+    def place(self):
+        """Where: the curvature (1/m)."""
+        return self.curvature
+
+    def centreline_bent(self, step, wales=0, courses=0):
+        """Points in space (points, 3) of the loop this many wales and courses on, in one state.
+
+        The axis of the cylinder lies at thickness -1/curvature over the origin.
+        """
+        bent = DIRECTIONS[self.direction]
+        points = centreline(self.model, self.y[step])
+        points[:, 0] += wales * self.wale_spacing[step]
+        points[:, 1] += courses * self.course_spacing[step]
+        along = points[:, bent].copy()
+        points[:, bent] = 0.0
+        return rolled(points, self.curvature[step], along, bent)

@@ -2,9 +2,12 @@
 
 import numpy as np
 
-from knitsim.equilibrium.kernels import follow as path_kernels
-from knitsim.equilibrium.kernels import newton as newton_kernels
-from knitsim.equilibrium.kernels.friction import no_slip
+from knitsim.equilibrium.kernels import follow as paths
+from knitsim.equilibrium.kernels import newton
+from knitsim.equilibrium.kernels.crossings import intact
+from knitsim.equilibrium.kernels.energy import energy_of, new_work
+from knitsim.equilibrium.kernels.pairs import pairs_at
+from knitsim.equilibrium.kernels.records import LATTICE
 from knitsim.equilibrium.large.linear import (
     Linear,
     factor_of,
@@ -22,9 +25,11 @@ def minimise(model, scene, y, free, control):
     """
     if model.sparse:
         work = new_sparse_work(model.cell, scene)
-        return *sparse_minimise(scene, y, free, no_slip(), control, work), work.work
-    work = newton_kernels.new_work(scene)
-    return *newton_kernels.minimise(scene, y, free, no_slip(), control, work), work
+        pairs = sparse_pairs(scene, y, control.skin, work)
+        return *sparse_minimise(scene, y, free, pairs, (), control, work)[:3], work.work
+    work = new_work(scene)
+    pairs = pairs_at(scene, y, control.skin, work)
+    return *newton.minimise(scene, y, free, pairs, (), control, work)[:3], work
 
 
 def gradient_at(model, scene, y):
@@ -33,40 +38,40 @@ def gradient_at(model, scene, y):
         holder = new_sparse_work(model.cell, scene)
         work, pairs = holder.work, sparse_pairs(scene, y, 0.0, holder)
     else:
-        work = newton_kernels.new_work(scene)
-        pairs = newton_kernels.pairs_at(scene, y, 0.0, work)
-    newton_kernels.energy_of(scene, y, pairs, no_slip(), np.int64(1), work)
+        work = new_work(scene)
+        pairs = pairs_at(scene, y, 0.0, work)
+    energy_of(scene, y, pairs, (), np.int64(1), work)
     return work.gradient, float(np.sqrt(work.closest[0]))
 
 
-def follow(model, scene, y, force, targets, march, trail):
+def follow(model, scene, standing, targets, march, rub, trail):
     """As :func:`knitsim.equilibrium.kernels.follow.follow`."""
     if model.sparse:
-        return sparse_follow(model, scene, y, force, targets, march, trail)
-    return path_kernels.follow(scene, model.trace, y, force, targets, march, model.control, trail)
+        return sparse_follow(model, scene, standing, targets, march, rub, trail)
+    return paths.follow(scene, standing, targets, march, rub, trail)
 
 
 def is_plain(model, y):
-    """Whether the crossings of all yarns of the cell are those of plain knit."""
+    """Whether the crossings of all yarns of the cell are those of the pattern."""
     if model.sparse:
         work = new_sparse_work(model.cell, model.scene)
         return sparse_intact(model.scene, model.trace, y, model.expected, work)
-    work = newton_kernels.new_work(model.scene)
-    return bool(path_kernels.intact(model.scene, model.trace, y, model.expected, work))
+    x = np.zeros(((len(model.scene.map.rows) - LATTICE) // 3, 3))
+    return bool(intact(model.scene, model.trace, y, model.expected, x))
 
 
 def linear_at(model, scene, y, free):
     """The sparse frictionless Hessian of a full cell at y (:class:`.large.linear.Linear`)."""
     work = new_sparse_work(model.cell, scene)
     pairs = sparse_pairs(scene, y, 0.0, work)
-    return Linear(scene, y, pairs, no_slip(), lattice_entries(free, work), work)
+    return Linear(scene, y, pairs, (), lattice_entries(free, work), work)
 
 
 def is_stable(model, scene, y, free):
     """Whether the frictionless energy of a full cell is convex at y by all q and the free entries."""
     if model.sparse:
         return factor_of(linear_at(model, scene, y, free)) is not None
-    work = newton_kernels.new_work(scene)
-    pairs = newton_kernels.pairs_at(scene, y, 0.0, work)
-    newton_kernels.energy_of(scene, y, pairs, no_slip(), np.int64(2), work)
-    return bool(newton_kernels.factorise(work.hessian, free, 0.0, work.factor))
+    work = new_work(scene)
+    pairs = pairs_at(scene, y, 0.0, work)
+    energy_of(scene, y, pairs, (), np.int64(2), work)
+    return bool(newton.factorise(work.hessian, free, 0.0, work.factor))

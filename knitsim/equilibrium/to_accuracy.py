@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from knitsim.equilibrium.accuracy import increment_error, spatial_error
 from knitsim.equilibrium.fabric import LEAST_POINTS, Resolution
 from knitsim.equilibrium.pull import FRICTION_INCREMENT, tensile
 from knitsim.equilibrium.relax import relax
@@ -73,8 +72,8 @@ def settings_for(fabric, error, largest=None):
     resolution, spatial = _resolution(smooth, strains, allowed)
     if not rubs:
         return Settings(resolution, FRICTION_INCREMENT, spatial)
-    increment, stepping = _increment(relax(fabric, resolution), strains, error - spatial)
-    return Settings(resolution, increment, spatial + stepping)
+    increment, estimate = _increment(relax(fabric, resolution), strains, error)
+    return Settings(resolution, increment, estimate)
 
 
 def _resolution(fabric, strains, allowed):
@@ -85,11 +84,7 @@ def _resolution(fabric, strains, allowed):
         contacts = 4 * int(np.ceil(max(share * rule, 2 * points) / 4.0))
         resolution = Resolution(points, contacts)
         try:
-            relaxed = relax(fabric, resolution)
-            estimate = max(
-                _largest(spatial_error(relaxed, tensile(relaxed, d, own), own.size), own)
-                for d, own in strains.items()
-            )
+            estimate = _largest(relax(fabric, resolution), strains, FRICTION_INCREMENT)
         except ComputationError:
             if (points, share) == LADDER[-1]:
                 raise
@@ -104,27 +99,25 @@ def _resolution(fabric, strains, allowed):
 
 def _increment(relaxed, strains, allowed):
     """The largest increment with an estimated error of ``allowed`` at most, and that error."""
-
-    def solved(increment):
-        return {d: tensile(relaxed, d, own, increment=increment) for d, own in strains.items()}
-
-    increment, coarse = FRICTION_INCREMENT, solved(2.0 * FRICTION_INCREMENT)
+    increment = FRICTION_INCREMENT
     while increment >= LEAST_INCREMENT:
-        fine = solved(increment)
-        estimate = max(
-            _largest(increment_error(fine[d], coarse[d]), own) for d, own in strains.items()
-        )
+        estimate = _largest(relaxed, strains, increment)
         if estimate <= allowed:
             return increment, estimate
-        increment, coarse = increment / 2.0, fine
+        increment /= 2.0
     raise InputError(
         "accuracy", f"{allowed:g}",
         f"of the increments with friction is not reached: the smallest come to {estimate:.2g}",
     )  # fmt: skip
 
 
-def _largest(errors, asked):
-    """The largest of the errors of a curve; infinite where a state is missing or not known."""
-    if len(errors) < len(asked) or not np.isfinite(errors).all():
-        return np.inf
-    return float(errors.max())
+def _largest(relaxed, strains, increment):
+    """The largest estimated error of all tests; infinite where a state is missing or not known."""
+    largest = 0.0
+    for direction, asked in strains.items():
+        curve = tensile(relaxed, direction, asked, increment=increment, estimate_error=True)
+        errors = curve.numerical_error
+        if len(errors) < len(asked) or not np.isfinite(errors).all():
+            return np.inf
+        largest = max(largest, float(errors.max()))
+    return largest

@@ -10,7 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from knitsim.equilibrium.pull import COURSE_SPACING, LARGEST_STRAIN, WALE_SPACING, tensile
+from knitsim.equilibrium.pull import (
+    COURSE_SPACING,
+    LARGEST_STRAIN,
+    PULLED,
+    WALE_SPACING,
+    tensile,
+)
 from knitsim.equilibrium.result import LOADING, RECOVERY
 from knitsim.errors import ComputationError, InputError
 from knitsim.measured.fabric_curve import from_pretension
@@ -18,7 +24,6 @@ from knitsim.measured.fabric_curve import from_pretension
 STATES = 16  # up to the largest measured strain
 GROWTH, WIDENING = 1.3, 1.15  # of the steps before and beyond the even ones
 FURTHER = 4.0  # the model may strain this many times as far before it counts as failed
-_PULLED = {"course": (WALE_SPACING, COURSE_SPACING), "wale": (COURSE_SPACING, WALE_SPACING)}
 
 
 def numbers(where, values, size=None, least=1):
@@ -64,7 +69,7 @@ class Tension:
     lateral: str | float = "free"
 
     def __post_init__(self):
-        if self.direction not in _PULLED:
+        if self.direction not in PULLED:
             raise InputError(f"{self.name}: direction", self.direction, "must be course or wale")
         force = numbers(f"{self.name}: force per width", self.force_per_width)
         n = len(force)
@@ -255,7 +260,7 @@ def tension_gradient(test, pulled, sensitivity, kind):
     at a force   dL/dp = (f dw0/dp - dF/dp)/(dF/dL),   de/dp = dL/dp/L0 - (1 + e) dL0/dp/L0;
     at a strain  dL/dp = (1 + e) dL0/dp,   df/dp = (dF/dp + dF/dL dL/dp - f dw0/dp)/w0.
     """
-    driven, across = _PULLED[test.direction]
+    driven, across = PULLED[test.direction]
     rest = pulled.relaxed
     spacing = {WALE_SPACING: rest.wale_spacing, COURSE_SPACING: rest.course_spacing}
     at = {WALE_SPACING: 0, COURSE_SPACING: 1}

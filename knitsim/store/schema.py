@@ -10,7 +10,7 @@ SCHEMA_VERSION = "1.0"
 CONVENTIONS = "CF-1.11, ACDD-1.3"
 
 AXES = ("course", "wale", "thickness")
-ENERGY_TERMS = ("stretch", "bend", "contact")
+ENERGY_TERMS = ("stretch", "bend", "contact", "friction")
 PHASES = ("loading", "recovery")
 
 

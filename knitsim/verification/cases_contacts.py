@@ -71,7 +71,7 @@ def capstan_case(friction, turn):
         )  # fmt: skip
         cylinder = Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), _RADIUS, 100.0)
         # The normal force lags by a pass; each adds a term of the series of exp(mu phi).
-        state = solve_open([yarn], cylinders=[cylinder], friction=friction, steps=2, passes=8)
+        state = solve_open([yarn], cylinders=[cylinder], friction=friction, steps=2)
         reaction = state.reaction(0, "end")
         ratio = float(np.linalg.norm(reaction)) / _PULL
         found = _angle_between(pull, reaction)

@@ -1,9 +1,7 @@
-"""Contact between yarns: pair search, contact laws, energy with exact derivatives (compiled).
+"""Contact between yarns: the laws, and their energy with exact derivatives (compiled).
 
 Contact is an energy v(D) per length squared of unordered pairs of points, D the distance of the
-centre lines, integrated by points of equal arc length.  A pair (i, k, g) is own point i against the
-image of own point k under operation g.  Each unordered pair is visited once: i < k with every g;
-i = k with one of g and its inverse, at half weight where g is its own inverse.
+centre lines, integrated by points of equal arc length.
 """
 
 import math
@@ -11,9 +9,8 @@ import math
 import numpy as np
 
 from knitsim.equilibrium.contact import BARRIER, CORE
+from knitsim.equilibrium.kernels.records import LATTICE
 from knitsim.jit import njit
-
-CHUNK = 8  # points per bounding box of the pair search
 
 
 @njit
@@ -65,134 +62,6 @@ def table_at(z, law):
 
 
 @njit
-def place_points(touch, x, points):
-    """Fill points (m, 3) with the positions of the contact points."""
-    for i in range(touch.points.size):
-        f, basis = touch.points[i].first, touch.points[i].basis
-        for axis in range(3):
-            points[i, axis] = (
-                basis[0] * x[f, axis]
-                + basis[1] * x[f + 1, axis]
-                + basis[2] * x[f + 2, axis]
-                + basis[3] * x[f + 3, axis]
-            )
-
-
-@njit
-def boxes_of(points, size, low, high):
-    """Fill low, high (chunks, 3) with the bounds of runs of ``size`` points."""
-    for c in range(low.shape[0]):
-        for axis in range(3):
-            lo = hi = points[c * size, axis]
-            for i in range(c * size + 1, min(points.shape[0], (c + 1) * size)):
-                lo = min(lo, points[i, axis])
-                hi = max(hi, points[i, axis])
-            low[c, axis] = lo
-            high[c, axis] = hi
-
-
-@njit
-def image_is_far(sign, shift, low, high, own_low, own_high, reach):
-    """Whether the image of the box (low, high) is further than ``reach`` from the own box."""
-    for axis in range(3):
-        a = sign[axis] * low[axis] + shift[axis]
-        b = sign[axis] * high[axis] + shift[axis]
-        if min(a, b) - own_high[axis] > reach or own_low[axis] - max(a, b) > reach:
-            return True
-    return False
-
-
-@njit
-def find_pairs(touch, points, lattice, reach):
-    """All pairs closer than ``reach`` (m): pairs (n, 3) of i, k, g and their weights (n,).
-
-    Bounding boxes of runs of CHUNK points are compared first.
-    """
-    m = points.shape[0]
-    chunks = (m + CHUNK - 1) // CHUNK
-    low, high = np.empty((chunks, 3)), np.empty((chunks, 3))
-    boxes_of(points, np.int64(CHUNK), low, high)
-    whole_low, whole_high = np.empty((1, 3)), np.empty((1, 3))
-    boxes_of(points, m, whole_low, whole_high)
-    image_at = np.empty((3, m))
-    near = np.empty((CHUNK * CHUNK, 2), dtype=np.int64)
-    pairs = np.empty((1024, 3), dtype=np.int64)
-    weight = np.empty(1024)
-    count = 0
-    for g in range(touch.images.size):
-        image = touch.images[g]
-        sign = (image.sign[0], image.sign[1], image.sign[2])
-        t0 = image.steps[0] * lattice[0] + image.steps[1] * lattice[2]
-        t1 = image.steps[0] * lattice[1] + image.steps[1] * lattice[3]
-        shift = (t0, t1, 0.0)
-        if image_is_far(
-            sign, shift, whole_low[0], whole_high[0], whole_low[0], whole_high[0], reach
-        ):
-            continue
-        for axis in range(3):
-            for k in range(m):
-                image_at[axis, k] = sign[axis] * points[k, axis] + shift[axis]
-        for ci in range(chunks):
-            for ck in range(ci, chunks):
-                if image_is_far(sign, shift, low[ck], high[ck], low[ci], high[ci], reach):
-                    continue
-                found = near_points(points, image_at, ci, ck, reach, near)
-                if count + found > weight.size:
-                    pairs, weight = _resized(pairs, weight, 2 * weight.size)
-                for j in range(found):
-                    i, k = near[j, 0], near[j, 1]
-                    factor = pair_factor(touch, i, k, g)
-                    if factor > 0.0:
-                        pairs[count, 0], pairs[count, 1], pairs[count, 2] = i, k, g
-                        weight[count] = factor
-                        count += 1
-    return _resized(pairs, weight, count)
-
-
-@njit
-def near_points(points, image_at, ci, ck, reach, near):
-    """Fill near with the i of run ci and k >= i of run ck closer than reach; returns how many."""
-    m, square, found = points.shape[0], reach * reach, 0
-    for i in range(ci * CHUNK, min(m, (ci + 1) * CHUNK)):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        for k in range(max(i, ck * CHUNK), min(m, (ck + 1) * CHUNK)):
-            d0, d1, d2 = x - image_at[0, k], y - image_at[1, k], z - image_at[2, k]
-            # Written always and kept by counting: a branch here costs more than the distance.
-            near[found, 0], near[found, 1] = i, k
-            found += d0 * d0 + d1 * d1 + d2 * d2 < square
-    return found
-
-
-@njit
-def pair_factor(touch, i, k, g):
-    """Weight (m2) of the pair (i, k, g), i <= k; 0 where it does not count."""
-    image = touch.images[g]
-    own, other = touch.points[i], touch.points[k]
-    if image.same and own.yarn == other.yarn:
-        if abs(own.arc - (image.arc_sign * other.arc + image.arc_shift)) < touch.exclude:
-            return 0.0
-    factor = touch.copies * own.length * other.length
-    if i == k:
-        if image.inverse == g:
-            factor *= 0.5
-        elif g > image.inverse >= 0:
-            return 0.0
-    return factor
-
-
-@njit
-def _resized(pairs, weight, size):
-    """Copies with room for ``size`` pairs, as many of the old ones in them as there is room for."""
-    more = np.empty((size, 3), dtype=np.int64)
-    longer = np.empty(size)
-    for i in range(min(size, weight.size)):
-        longer[i] = weight[i]
-        for axis in range(3):
-            more[i, axis] = pairs[i, axis]
-    return more, longer
-
-
-@njit
 def isotropic_plus(first, second, d):
     """The matrix first I + second d d^T as a tuple of rows."""
     x, y, z = second * d[0], second * d[1], second * d[2]
@@ -222,10 +91,10 @@ def add_pushes(touch, near, push, order, gradient, half):
 
     near (n, 3): i, k, g; push (n, 9): of each pair the gradient by d and the Hessian xx, xy, xz, yy,
     yz, zz.  d = x_i - sign x_k - m1 a1 - m2 a2, so that dd/dx_k = -sign, dd/da1 = -m1, dd/da2 = -m2.
-    order as in ``add_contact``.  Sums by contact point come first, the basis of the spline last.
+    order as in ``add_flat_contact``.  Sums by contact point come first, the basis of the spline last.
     """
     points, images = touch.points, touch.images
-    n = gradient.size - 4
+    n = gradient.size - LATTICE
     force = np.zeros((points.size, 3))
     for j in range(near.shape[0]):
         i, k, g = near[j, 0], near[j, 1], near[j, 2]
@@ -305,7 +174,7 @@ def add_stiffness(touch, near, push, half):
 @njit
 def add_run(points, i, k, image, total, cross, half):
     """Add the Hessian between point i and the points of the span of k, and that by the lattice."""
-    n = half.shape[0] - 4
+    n = half.shape[0] - LATTICE
     row, column = 3 * points[i].first, 3 * points[k].first
     sign, steps = image.sign, image.steps
     for b in range(4):
@@ -332,7 +201,7 @@ def add_run(points, i, k, image, total, cross, half):
 @njit
 def add_own(points, i, own, mixed, half):
     """Add the Hessian by the place of point i (packed as in ``add_pushes``), and by it and L."""
-    n, row = half.shape[0] - 4, 3 * points[i].first
+    n, row = half.shape[0] - LATTICE, 3 * points[i].first
     basis = points[i].basis
     h = (
         (own[i, 0], own[i, 1], own[i, 2]),
@@ -351,19 +220,19 @@ def add_own(points, i, own, mixed, half):
 
 
 @njit
-def add_contact(scene, points, lattice, pairs, order, gradient, half):
-    """Contact energy (J) and the smallest squared distance of the listed pairs (m2).
+def add_flat_contact(scene, lattice, listed, order, work):
+    """Contact energy (J) of the listed pairs at the contact points in work; fills work.closest.
 
-    pairs: (pairs, weights).  order 1 adds to gradient, order 2 also to ``half`` (Hessian = A + A^T).
+    order 1 adds to work.expanded, order 2 also to work.half.
     """
-    touch, law = scene.touch, scene.law
-    listed, weight = pairs
+    touch, law, points = scene.touch, scene.law, work.points
+    pairs, weight = listed.pairs, listed.weight
     size = weight.size if order > 0 else 0
     near, push = np.empty((size, 3), dtype=np.int64), np.empty((size, 9))
     energy, closest, count = 0.0, math.inf, 0
     outside = law[1] * law[1]
     for j in range(weight.size):
-        i, k, g = listed[j, 0], listed[j, 1], listed[j, 2]
+        i, k, g = pairs[j, 0], pairs[j, 1], pairs[j, 2]
         x, y, z = separation(touch, points, lattice, (i, k, g))
         square = x * x + y * y + z * z
         closest = min(closest, square)
@@ -380,5 +249,6 @@ def add_contact(scene, points, lattice, pairs, order, gradient, half):
         push[count, 6], push[count, 7], push[count, 8] = f + h * y * y, h * y * z, f + h * z * z
         count += 1
     if count > 0:
-        add_pushes(touch, near[:count], push[:count], order, gradient, half)
-    return energy, closest
+        add_pushes(touch, near[:count], push[:count], order, work.expanded, work.half)
+    work.closest[0] = closest
+    return energy

@@ -8,7 +8,7 @@ state that shows any crossing more than a plain knit does is refused, though it 
 
 import numpy as np
 
-from knitsim.equilibrium.kernels.contact import boxes_of, image_is_far
+from knitsim.equilibrium.kernels.pairs import boxes_of, expand, image_is_far, place_points
 from knitsim.jit import njit
 
 
@@ -102,3 +102,12 @@ def same_crossings(found, expected):
         if found[i] != expected[i]:
             return False
     return True
+
+
+@njit
+def intact(scene, trace, y, expected, x):
+    """Whether the crossings at y are the expected ones; x: buffer of the control points."""
+    lattice = expand(scene.map, y, x)
+    points = np.empty((trace.points.size, 3))
+    place_points(trace, x, points)
+    return same_crossings(crossings_of(trace, points, lattice, 4 * expected.size), expected)

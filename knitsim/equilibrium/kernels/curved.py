@@ -18,32 +18,14 @@ where the force through a cut is zero, whatever the plane z = 0.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from knitsim.equilibrium.kernels.contact import law_at
+from knitsim.equilibrium.kernels.pairs import curvature_at
+from knitsim.equilibrium.kernels.records import ANGLE, LATTICE
 from knitsim.equilibrium.kernels.yarn import add_form, yarn_point
 from knitsim.jit import njit
-
-
-class Bent(NamedTuple):
-    """Where the curved energies add their derivatives.
-
-    gradient, half: by control points and lattice at fixed kappa, as in ``add_contact``; mixed (as
-    gradient): derivative of the gradient by kappa; by_kappa (2,): first and second derivative.
-    """
-
-    gradient: np.ndarray
-    half: np.ndarray
-    mixed: np.ndarray
-    by_kappa: np.ndarray
-
-
-@njit
-def curvature_at(bend, lattice):
-    """kappa (1/m): the angle of one loop over its spacing along the bent direction."""
-    return bend.angle / lattice[3 * bend.direction]
 
 
 @njit
@@ -101,7 +83,7 @@ def motion(local, kappa):
 
 
 @njit
-def add_local(first, local, kappa, order, table, out):
+def add_local(first, local, kappa, order, table, work):
     """Add an energy of velocity and acceleration by way of the local variables.
 
     table: form (6,), tangent (6, 6) as in ``yarn_point``, axes, weights.
@@ -111,7 +93,7 @@ def add_local(first, local, kappa, order, table, out):
     m = 1.0 + kappa * z
     # Derivative of (velocity, acceleration) by kappa: entries 0, 3 and 5.
     p0, p3, p5 = z * u, z * a + 2.0 * u * z1, -(1.0 + 2.0 * kappa * z) * u * u
-    out.by_kappa[0] += form[0] * p0 + form[3] * p3 + form[5] * p5
+    work.bent.by_kappa[0] += form[0] * p0 + form[3] * p3 + form[5] * p5
     jacobian = np.zeros((6, 7))
     jacobian[0, 0], jacobian[0, 6], jacobian[1, 1], jacobian[2, 2] = m, kappa * u, 1.0, 1.0
     jacobian[3, 3], jacobian[3, 0], jacobian[3, 2] = m, 2.0 * kappa * z1, 2.0 * kappa * u
@@ -122,7 +104,7 @@ def add_local(first, local, kappa, order, table, out):
         for r in range(6):
             g += jacobian[r, i] * form[r]
         for k in range(4):
-            out.gradient[3 * (first + k) + axes[i]] += g * weights[i, k]
+            work.expanded[3 * (first + k) + axes[i]] += g * weights[i, k]
     if order == 1:
         return
     chained, matrix, turned = np.zeros((6, 7)), np.zeros((7, 7)), np.empty(6)
@@ -144,8 +126,10 @@ def add_local(first, local, kappa, order, table, out):
     matrix[0, 2] += form[3] * 2.0 * kappa
     matrix[2, 0] += form[3] * 2.0 * kappa
     matrix[0, 0] -= form[5] * 2.0 * kappa * m
-    add_form(first, axes, weights, matrix, out.half)
-    out.by_kappa[1] += turned[0] * p0 + turned[3] * p3 + turned[5] * p5 - form[5] * 2.0 * z * u * u
+    add_form(first, axes, weights, matrix, work.half)
+    work.bent.by_kappa[1] += (
+        turned[0] * p0 + turned[3] * p3 + turned[5] * p5 - form[5] * 2.0 * z * u * u
+    )
     for i in range(7):
         g = 0.0
         for r in range(6):
@@ -160,21 +144,22 @@ def add_local(first, local, kappa, order, table, out):
         elif i == 6:
             g += form[0] * u + form[3] * a - form[5] * 2.0 * kappa * u * u
         for k in range(4):
-            out.mixed[3 * (first + k) + axes[i]] += g * weights[i, k]
+            work.bent.mixed[3 * (first + k) + axes[i]] += g * weights[i, k]
 
 
 @njit
-def add_curved_yarn(scene, kappa, x, order, out, terms):
-    """As :func:`knitsim.equilibrium.kernels.yarn.add_yarn`, with the derivatives by kappa."""
+def add_bent_yarn(scene, lattice, order, work):
+    """As :func:`knitsim.equilibrium.kernels.yarn.add_flat_yarn`, with the derivatives by kappa."""
+    kappa = curvature_at(scene, lattice)
     axes, weights, local = np.empty(7, dtype=np.int64), np.empty((7, 4)), np.empty(7)
     form, tangent = np.empty(6), np.empty((6, 6))
     for point in scene.rod:
         local_variables(point, scene.bend.direction, axes, weights)
-        local_values(point.first, x, axes, weights, local)
+        local_values(point.first, work.x, axes, weights, local)
         v, w = motion(local, kappa)
-        yarn_point(point, scene.stretch, v, w, order, form, tangent, terms)
+        yarn_point(point, scene.stretch, v, w, order, form, tangent, work.terms)
         if order > 0:
-            add_local(point.first, local, kappa, order, (form, tangent, axes, weights), out)
+            add_local(point.first, local, kappa, order, (form, tangent, axes, weights), work)
 
 
 @njit
@@ -196,14 +181,14 @@ def gaps_at(scene, points, lattice, pair):
 
 
 @njit
-def add_gaps(scene, pair, order, slope, bend, table, out):
+def add_gaps(scene, pair, order, slope, bend, table, work):
     """Add an energy of (dx, dy, z_i, z_k, kappa) with gradient slope (5,) and Hessian bend (5, 5).
 
     Of bend only the upper triangle counts.  table: buffers (4, 10) for rows and factors.
     """
     i, k, g = pair
     touch, bent = scene.touch, scene.bend.direction
-    other, n = 1 - bent, out.gradient.size - 4
+    other, n = 1 - bent, work.expanded.size - LATTICE
     row, factor = table
     image = touch.images[g]
     m1, m2 = image.steps[0], image.steps[1]
@@ -219,16 +204,16 @@ def add_gaps(scene, pair, order, slope, bend, table, out):
         row[3, a], factor[3, a] = rk + 2, bk
     row[0, 8], row[0, 9], factor[0, 8], factor[0, 9] = n + bent, n + 2 + bent, -m1, -m2
     row[1, 8], row[1, 9], factor[1, 8], factor[1, 9] = n + other, n + 2 + other, -m1, -m2
-    out.by_kappa[0] += slope[4]
+    work.bent.by_kappa[0] += slope[4]
     for a in range(4):
         for r in range(10 if a < 2 else 4):
-            out.gradient[row[a, r]] += slope[a] * factor[a, r]
+            work.expanded[row[a, r]] += slope[a] * factor[a, r]
     if order == 1:
         return
-    out.by_kappa[1] += bend[4, 4]
+    work.bent.by_kappa[1] += bend[4, 4]
     for a in range(4):
         for r in range(10 if a < 2 else 4):
-            out.mixed[row[a, r]] += bend[a, 4] * factor[a, r]
+            work.bent.mixed[row[a, r]] += bend[a, 4] * factor[a, r]
         for b in range(a, 4):
             h = bend[a, b] * (0.5 if a == b else 1.0)
             if h == 0.0:
@@ -236,18 +221,19 @@ def add_gaps(scene, pair, order, slope, bend, table, out):
             for r in range(10 if a < 2 else 4):
                 left = h * factor[a, r]
                 for s in range(10 if b < 2 else 4):
-                    out.half[row[a, r], row[b, s]] += left * factor[b, s]
+                    work.half[row[a, r], row[b, s]] += left * factor[b, s]
 
 
 @njit
-def add_curved_contact(scene, kappa, points, lattice, pairs, order, out):
-    """As :func:`knitsim.equilibrium.kernels.contact.add_contact`, with the derivatives by kappa."""
-    listed, weight = pairs
+def add_bent_contact(scene, lattice, listed, order, work):
+    """As :func:`knitsim.equilibrium.kernels.contact.add_flat_contact`, with the derivatives by kappa."""
+    kappa, points = curvature_at(scene, lattice), work.points
+    pairs, weight = listed.pairs, listed.weight
     energy, closest = 0.0, math.inf
     table = (np.zeros((4, 10), dtype=np.int64), np.zeros((4, 10)))
     slope, bend, by = np.zeros(5), np.zeros((5, 5)), np.zeros(5)
     for j in range(weight.size):
-        pair = (listed[j, 0], listed[j, 1], listed[j, 2])
+        pair = (pairs[j, 0], pairs[j, 1], pairs[j, 2])
         dx, dy, zi, zk = gaps_at(scene, points, lattice, pair)
         mi, mk, dz = 1.0 + kappa * zi, 1.0 + kappa * zk, zi - zk
         q, q1, q2, qk, q1k, qkk = chord_square(dx, kappa)
@@ -282,18 +268,40 @@ def add_curved_contact(scene, kappa, points, lattice, pairs, order, out):
             bend[2, 4] += first * ((mk + kappa * zk) * q + kappa * mk * qk)
             bend[3, 4] += first * ((mi + kappa * zi) * q + kappa * mi * qk)
             bend[4, 4] += first * (2.0 * zi * zk * q + 2.0 * cross * qk + both * qkk)
-        add_gaps(scene, pair, order, slope, bend, table, out)
-    return energy, closest
+        add_gaps(scene, pair, order, slope, bend, table, work)
+    work.closest[0] = closest
+    return energy
 
 
 @njit
-def add_angle(bend, lattice, order, out):
-    """Add what the spacing does by way of kappa = angle/w to gradient and half."""
-    at = out.gradient.size - 4 + 3 * bend.direction
-    w = lattice[3 * bend.direction]
-    turn = -curvature_at(bend, lattice) / w
-    out.gradient[at] += out.by_kappa[0] * turn
+def no_kappa(scene, lattice, order, work):
+    """Nothing to begin or end: the scene is flat."""
+
+
+@njit
+def begin_kappa(scene, lattice, order, work):
+    """Clear the derivatives by kappa."""
+    work.bent.by_kappa[:] = 0.0
     if order == 2:
-        for r in range(out.mixed.size):
-            out.half[at, r] += turn * out.mixed[r]
-        out.half[at, at] += 0.5 * out.by_kappa[1] * turn * turn - out.by_kappa[0] * turn / w
+        work.bent.mixed[:] = 0.0
+
+
+@njit
+def end_kappa(scene, lattice, order, work):
+    """Add what angle and spacing do by way of kappa = angle/w to work.expanded and work.half."""
+    if order == 0:
+        return
+    by, mixed = work.bent.by_kappa, work.bent.mixed
+    first = work.expanded.size - LATTICE
+    at, turned = first + 3 * scene.bend.direction, first + ANGLE
+    w = lattice[3 * scene.bend.direction]
+    by_w, by_angle = -curvature_at(scene, lattice) / w, 1.0 / w
+    work.expanded[at] += by[0] * by_w
+    work.expanded[turned] += by[0] * by_angle
+    if order == 2:
+        for r in range(mixed.size):
+            work.half[at, r] += by_w * mixed[r]
+            work.half[turned, r] += by_angle * mixed[r]
+        work.half[at, at] += 0.5 * by[1] * by_w * by_w - by[0] * by_w / w
+        work.half[turned, turned] += 0.5 * by[1] * by_angle * by_angle
+        work.half[turned, at] += by[1] * by_angle * by_w - by[0] * by_angle / w

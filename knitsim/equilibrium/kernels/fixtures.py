@@ -1,6 +1,6 @@
 """Rigid cylinders that a yarn lies on, and couples at its ends (compiled).
 
-What only the verification scenes have; a scene without them has empty arrays here.
+What only the scenes of open yarns have (:class:`.records.Fixtures`).
 """
 
 import math
@@ -40,23 +40,23 @@ def add_point(touch, i, h, half):
 
 
 @njit
-def add_cylinders(scene, points, order, gradient, half):
-    """Contact energy of the yarn on the cylinders (J); order as in ``add_contact``."""
+def add_cylinders(scene, order, work):
+    """Contact energy of the yarn on the cylinders (J); order as in ``add_flat_contact``."""
     energy = 0.0
-    touch = scene.touch
-    for c in range(scene.cylinders.size):
-        t = scene.cylinders[c].axis
+    touch, points, cylinders = scene.touch, work.points, scene.fixtures.cylinders
+    for c in range(cylinders.size):
+        t = cylinders[c].axis
         for i in range(points.shape[0]):
-            d = from_axis(scene.cylinders, c, points, i)
+            d = from_axis(cylinders, c, points, i)
             square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-            v, v1, v2 = law_at(square, scene.cylinders[c].law)
+            v, v1, v2 = law_at(square, cylinders[c].law)
             if v == 0.0:
                 continue
             energy += touch.points[i].length * v
             if order == 0:
                 continue
             f = 2.0 * touch.points[i].length * v1
-            scatter_point(touch, i, (f * d[0], f * d[1], f * d[2]), gradient)
+            scatter_point(touch, i, (f * d[0], f * d[1], f * d[2]), work.expanded)
             if order == 2:
                 # The distance does not change along the axis: f (I - t t^T) + ... d d^T.
                 s = 4.0 * touch.points[i].length * v2
@@ -67,14 +67,14 @@ def add_cylinders(scene, points, order, gradient, half):
                     (m[1][0] - k[1][0], m[1][1] - k[1][1], m[1][2] - k[1][2]),
                     (m[2][0] - k[2][0], m[2][1] - k[2][1], m[2][2] - k[2][2]),
                 )
-                add_point(touch, i, h, half)
+                add_point(touch, i, h, work.half)
     return energy
 
 
 @njit
-def add_couples(couples, x, order, gradient, half):
+def add_couples(scene, order, work):
     """Energy - M theta of the couples (J), theta the angle of the tangent about the couple's axis."""
-    energy = 0.0
+    energy, couples, x = 0.0, scene.fixtures.couples, work.x
     for c in range(couples.size):
         f, moment = couples[c].first, couples[c].moment
         n, e = couples[c].normal, couples[c].reference
@@ -96,7 +96,7 @@ def add_couples(couples, x, order, gradient, half):
             turn = -moment * (a * g[r] - b * e[r]) / square
             for k in range(4):
                 if order >= 1:
-                    gradient[3 * (f + k) + r] += couples[c].d1[k] * turn
+                    work.expanded[3 * (f + k) + r] += couples[c].d1[k] * turn
             if order < 2:
                 continue
             for q in range(3):
@@ -107,7 +107,7 @@ def add_couples(couples, x, order, gradient, half):
                 )
                 for k in range(4):
                     for m in range(4):
-                        half[3 * (f + k) + r, 3 * (f + m) + q] += (
+                        work.half[3 * (f + k) + r, 3 * (f + m) + q] += (
                             h * couples[c].d1[k] * couples[c].d1[m]
                         )
     return energy

@@ -1,8 +1,13 @@
 """Following a path of prescribed unknowns from one equilibrium to the next (compiled).
 
-Tangent predictor, Newton, then the acceptance of the state: residual below the tolerance, crossings
-intact, nothing but finite numbers.  Otherwise the step is halved; where it becomes too small the
-path ends with the reason.
+Tangent predictor, Newton, then the acceptance of the state: residual below the tolerance, normal forces
+of friction settled, crossings intact, work balanced.  Otherwise the step is halved; where it becomes
+too small the path ends with the reason.
+
+What is prescribed is an unknown (a spacing), or an unknown over another: the angle of a loop over its
+spacing, which is the curvature of a bent fabric.  Then the unknown itself is held in each step, so that
+energy and friction potential have no derivative by any free unknown in equilibrium, the spacing along
+the bent direction included; the angle that belongs to an asked curvature is found at the end.
 """
 
 import math
@@ -10,109 +15,105 @@ from typing import NamedTuple
 
 import numpy as np
 
-from knitsim.equilibrium.kernels.contact import place_points
-from knitsim.equilibrium.kernels.crossings import crossings_of, same_crossings
-from knitsim.equilibrium.kernels.friction import begin_slip, lag_at, loss_of, no_slip
+from knitsim.equilibrium.kernels.accept import (
+    ACCEPT,
+    CROSSINGS_LOST,
+    NOT_REACHED,
+    NOT_SETTLED,
+    RAN_AWAY,
+    REACHED,
+    STOP,
+    TOO_CLOSE,
+    account,
+    aim_at,
+    decide,
+    miss_of,
+    parts_of,
+    step_to,
+)
+from knitsim.equilibrium.kernels.crossings import intact
+from knitsim.equilibrium.kernels.energy import energy_of, new_work
 from knitsim.equilibrium.kernels.newton import (
     CONVERGED,
     Control,
     copy_to,
-    energy_of,
-    expand,
     factorise_shifted,
     minimise,
-    new_work,
-    pairs_at,
-    tangent,
+    solve_factored,
 )
-from knitsim.equilibrium.kernels.records import records
-from knitsim.jit import njit
+from knitsim.equilibrium.kernels.pairs import covers, pairs_at
+from knitsim.equilibrium.kernels.records import LATTICE, Touch, records
+from knitsim.equilibrium.kernels.slip import begin_slip, end_slip, lag_slip
+from knitsim.jit import choose, njit
 
-REACHED, NOT_REACHED = 0, 10
-CROSSINGS_LOST = 11
-TOO_CLOSE = 13
-SMALLEST = 1.0 / 64.0  # of an asked step
-BALANCED = 0.03  # of an increment's work: what may be neither stored nor lost
-WHOLE_BALANCED = 3e-3  # of all work so far: the same
-SMALLEST_BALANCED = 1.0 / 8.0  # of an asked step: increments are not made smaller for the balance
-SNAP, LEAST_SNAP = 0.05, 1e-7  # of the larger work of both forces, of the energy: see set_free
 LOOSE = 1e2  # tolerance of the passes that only find normal forces, over that of the last
-LEAST_MOVE = 1e-3  # of the largest increment: a step that moves less is rounded as if it moved this
+SETTLED = 2e-3  # of the friction force: what another pass may change of it
+PASSES, CORRECTIONS = 20, 6  # at most: of the normal forces, of an unknown held over another
 
 
 class March(NamedTuple):
     """How a path is followed.
 
-    free: unknowns that equilibrium decides; driven: those that are prescribed; largest: largest
-    change of a driven unknown in one increment (m); friction: coefficient; rounding: slip at which
-    friction is fully mobilised, over the change of the driven unknowns in that step (1), as slips in a
-    step must be mobilised or friction creeps; passes: how often the normal forces are lagged; expected: the
-    crossing codes that every state must show.
+    free: unknowns that equilibrium decides; driven: those that are prescribed; over: for each of these
+    the unknown it is divided by in what is asked for, or -1; largest: largest change of what is asked
+    for in one increment; exact: how far a state may be from what was asked for where there is a
+    divisor; widest: factor by which spacings may change before they are said to run away; trace,
+    expected: polylines of the yarns and the crossings that every state must show; control: of Newton.
     """
 
     free: np.ndarray
     driven: np.ndarray
+    over: np.ndarray
     largest: float
-    friction: float
-    rounding: float
-    passes: int
+    exact: float
+    widest: float
+    trace: Touch
     expected: np.ndarray
+    control: Control
 
 
-def state_type(*more):
-    """Record of a state of a path, with these numbers besides.
+class Standing(NamedTuple):
+    """Where a path stands.
 
-    terms: stretch, bending, contact (J); closest: smallest distance (m); residual (N); work, lost:
-    cumulative from the start (J).
-    """
-    numbers = (*more, "closest", "residual", "work", "lost")
-    return np.dtype(
-        [
-            ("terms", "f8", 3),
-            *((name, "f8") for name in numbers),
-            ("iterations", "i8"),
-            ("status", "i8"),
-        ],
-        align=True,
-    )
-
-
-def new_states(kind, count):
-    """Records (kind: a state_type) of states none of which is reached yet."""
-    missing = {"iterations": 0, "status": NOT_REACHED}
-    return records(kind, count, **{n: missing.get(n, np.nan) for n in kind.names})
-
-
-STATE = state_type()
-
-
-class Trail(NamedTuple):
-    """What is kept of each asked state; one row each.
-
-    y; force: derivatives of energy and friction potential by y (N), which the driven unknowns and the
-    dead loads hold; states (STATE).  past: of the last increment, see :func:`work_of_increment`.
+    y: an equilibrium; force: derivatives of energy and friction potential by y (N), which the driven
+    unknowns and the dead loads hold; past: of the last increment, see
+    :func:`knitsim.equilibrium.kernels.accept.work_of_increment`; memory: what friction remembers
+    (:class:`.friction.Memory`), or ().
     """
 
     y: np.ndarray
     force: np.ndarray
-    states: np.ndarray
     past: np.ndarray
+    memory: tuple
 
 
-def new_trail(states, past):
-    """A trail of states none of which is reached yet; past: that of the trail before, or zeros."""
-    unknowns = past.size - 1
+# State of a path.  terms: stretch, bend, contact, and what the springs of friction hold (J); closest:
+# smallest distance (m); residual (N); work, lost: cumulative from the start (J); increments: accepted
+# since the last asked state.
+STATE = np.dtype(
+    [
+        ("terms", "f8", 4),
+        *((name, "f8") for name in ("closest", "residual", "work", "lost")),
+        *((name, "i8") for name in ("iterations", "increments", "status")),
+    ],
+    align=True,
+)
+
+
+class Trail(NamedTuple):
+    """What is kept of each asked state, one row each: y, force (as in Standing), states (STATE)."""
+
+    y: np.ndarray
+    force: np.ndarray
+    states: np.ndarray
+
+
+def new_trail(states, unknowns):
+    """A trail of states none of which is reached yet."""
     y, force = np.full((2, states, unknowns), np.nan)
-    return Trail(y, force, new_states(STATE, states), past.copy())
-
-
-@njit
-def intact(scene, trace, y, expected, work):
-    """Whether the crossings at y are the expected ones."""
-    lattice = expand(scene.map, y, work.x)
-    points = np.empty((trace.points.size, 3))
-    place_points(trace, work.x, points)
-    return same_crossings(crossings_of(trace, points, lattice, 4 * expected.size), expected)
+    missing = {"iterations": 0, "increments": 0, "status": NOT_REACHED}
+    rows = records(STATE, states, **{n: missing.get(n, np.nan) for n in STATE.names})
+    return Trail(y, force, rows)
 
 
 @njit
@@ -133,43 +134,47 @@ def loosened(control):
     )
 
 
-# Inlined into its one caller: on its own it would compile all the solver once more.
-@njit(inline="always")
-def solve_step(scene, y, march, control, start, work):
-    """Equilibrium at the driven values of y, with friction against the state ``start``.
+@njit
+def _smooth(scene, y, listed, rub, memory, work):
+    return ()
 
-    Returns status, iterations, residual, energy lost.
+
+@njit
+def _nothing_lags(scene, y, slip, rub, work):
+    return 0.0
+
+
+@njit
+def _nothing_lost(scene, y, slip, memory, work):
+    return memory, 0.0, 0.0
+
+
+@njit
+def _ended(scene, y, slip, memory, work):
+    return end_slip(scene, y, slip, work)
+
+
+begin_friction = choose("rub", begin_slip, _smooth)
+lag_friction = choose("rub", lag_slip, _nothing_lags)
+end_friction = choose("slip", _ended, _nothing_lost)
+
+
+@njit
+def answer(y, change, free, work):
+    """Add to y the ``change`` of prescribed unknowns and the answer of the free ones to it.
+
+    Uses work.hessian and work.factor.
     """
-    slip, pairs = no_slip(), (np.empty((0, 3), dtype=np.int64), np.empty(0))
-    rubs = march.friction > 0.0
-    moved = LEAST_MOVE * march.largest
-    for i in march.driven:
-        moved = max(moved, abs(y[i] - start[i]))
-    status, total, residual = CONVERGED, 0, 0.0
-    for once in range(march.passes if rubs else 1):
-        if rubs:
-            if once == 0:
-                pairs = pairs_at(scene, start, control.skin, work)
-            lattice = expand(scene.map, start if once == 0 else y, work.x)
-            place_points(scene.touch, work.x, work.points)
-            if once == 0:
-                slip = begin_slip(
-                    scene, work.points, lattice, pairs, march.friction, march.rounding * moved
-                )
-            else:
-                lag_at(scene, work.points, lattice, pairs[1], march.friction, slip)
-        last = not rubs or once == march.passes - 1
-        aim = control if last else loosened(control)
-        status, iterations, residual = minimise(scene, y, march.free, slip, aim, work)
-        total += iterations
-        if status != CONVERGED:
-            return status, total, residual, 0.0
-    lost = 0.0
-    if rubs:
-        lattice = expand(scene.map, y, work.x)
-        place_points(scene.touch, work.x, work.points)
-        lost = loss_of(scene, work.points, lattice, slip)
-    return status, total, residual, lost
+    rhs = np.zeros(free.size)
+    for j in range(y.size):
+        if change[j] != 0.0:
+            for i in range(free.size):
+                rhs[i] -= work.hessian[free[i], j] * change[j]
+    solve_factored(work.factor, rhs)
+    for j in range(y.size):
+        y[j] += change[j]
+    for i in range(free.size):
+        y[free[i]] += rhs[i]
 
 
 @njit
@@ -198,155 +203,162 @@ def bend_predictor(trial, y, before, march):
 
 
 @njit
-def work_of_increment(force, after, moved, past):
-    """Work of the prescribed forces over one increment (J); ``past`` moves on by it.
+def correct(y, target, march, change, work):
+    """Move the one driven unknown, held over another, to where the quotient is the target."""
+    at, under = march.driven[0], march.over[0]
+    change[:] = 0.0
+    change[at] = 1.0
+    trial = y.copy()
+    answer(trial, change, march.free, work)
+    slope = trial[under] - y[under]
+    step = (target * y[under] - y[at]) / (1.0 - target * slope)
+    for i in range(y.size):
+        y[i] += step * (trial[i] - y[i])
 
-    force, after: forces on both sides (y size); moved: change of y, zero where it is not
-    prescribed.  past (y size + 1): the last increment's change of y and its slope of the force along
-    the way (N/m); zeros before the first.  In one direction the force is the parabola through its
-    last three values, otherwise the chord.  The parabola's share is at most that of one that is level
-    at one end, as friction that has just turned makes the force bend sharply.
+
+# Inlined into its one caller: on its own it would compile all the solver once more.
+@njit(inline="always")
+def solve_step(scene, y, slip, rub, target, ends, march, listed, work):
+    """Equilibrium at the driven values of y, with the friction of a step that has begun.
+
+    target: what is asked for; ends: whether the step ends there.  Returns status, iterations, residual,
+    pairs.
     """
-    n = moved.size
-    size = last = along = low = high = 0.0
-    for i in range(n):
-        size += moved[i] * moved[i]
-        last += past[i] * past[i]
-        along += moved[i] * past[i]
-        low += force[i] * moved[i]
-        high += after[i] * moved[i]
-    if size == 0.0:
-        return 0.0
-    size, last = math.sqrt(size), math.sqrt(last)
-    work = 0.5 * (low + high)
-    slope = (high - low) / (size * size)
-    if along > 0.999999 * size * last and last > 0.0:
-        share = size**3 / (6.0 * (last + size)) * (slope - past[n])
-        most = abs(high - low) / 6.0
-        work -= min(max(share, -most), most)
-    for i in range(n):
-        past[i] = moved[i]
-    past[n] = slope
-    return work
+    change, total, residual, status = np.zeros(y.size), 0, 0.0, CONVERGED
+    settled = lag_friction(scene, y, slip, rub, work) == 0.0
+    passes = corrections = 0
+    while True:
+        aim = march.control if settled else loosened(march.control)
+        status, iterations, residual, listed = minimise(
+            scene, y, march.free, listed, slip, aim, work
+        )
+        total += iterations
+        if status != CONVERGED:
+            break
+        if settled:
+            if not ends or miss_of(y, target, march) <= march.exact:
+                break
+            corrections += 1
+            if corrections > CORRECTIONS:
+                status = NOT_SETTLED
+                break
+            correct(y, target[0], march, change, work)
+        else:
+            passes += 1
+            if passes > PASSES:
+                status = NOT_SETTLED
+                break
+        settled = lag_friction(scene, y, slip, rub, work) <= SETTLED
+    return status, total, residual, listed
 
 
 @njit
-def set_free(low, high, gain, stored):
-    """Energy (J) that is set free in an increment without friction, where the fabric snaps, else 0.
+def forces_at(scene, march, work, force):
+    """Fill force (y size) with the derivatives by y in equilibrium, loads left out.
 
-    low, high: work of the driving forces if they were throughout those before and those after;
-    gain: energy stored less the work of dead loads; stored: energy so far.  On a smooth path the gain
-    lies between the two; of forces that grow it is their geometric mean if they grow exponentially,
-    and hardly less in short steps.  Where it is less by more than a margin, the fabric has jumped to
-    another shape on the way.
+    Those of the driven unknowns are taken where Newton's next step would end: what is left of the
+    residual counts for them in first order, unlike for the energy.
     """
-    least = min(low, high)
-    if least > 0.0:
-        least = math.sqrt(low * high)
-    least -= SNAP * max(abs(low), abs(high)) + LEAST_SNAP * stored
-    return 0.5 * (low + high) - gain if gain < least else 0.0
+    rhs = np.empty(march.free.size)
+    for i in range(march.free.size):
+        rhs[i] = work.gradient[march.free[i]]
+    solve_factored(work.factor, rhs)
+    for i in range(force.size):
+        force[i] = work.gradient[i] + scene.load[i]
+    for d in march.driven:
+        for i in range(march.free.size):
+            force[d] -= work.hessian[d, march.free[i]] * rhs[i]
 
 
 @njit
-def follow(scene, trace, y, force, targets, march, control, trail):
-    """Visit the rows of ``targets`` (states, driven) one after another; y ends at the last state.
+def follow(scene, standing, targets, march, rub, trail):
+    """Visit the rows of ``targets`` (states, driven) one after another.
 
-    y must be an equilibrium, held by ``force`` (as in Trail); both end at the last state, as does
-    trail.past.  Fills trail; a state that is not reached and all after it keep NaN.  Returns the number
-    of states reached and the reason of the end (a status).
+    Arrays of ``standing`` are moved along and end at the last state.  rub: :class:`.friction.Rub` or
+    ().  Fills trail; a state that is not reached and all after it keep NaN.  Returns the number of
+    states reached, the reason of the end (a status) and the memory of friction at the end.
     """
-    work = new_work(scene)
+    work, control = new_work(scene), march.control
+    y, force, past, memory = standing
     n = y.size
-    before = y.copy()
-    trial = np.empty(n)
-    change = np.zeros(n)
-    after, moved, past = np.empty(n), np.zeros(n), np.empty(n + 1)
-    stale = True
-    done, lost = 0.0, 0.0
+    first = y.copy()
+    before, trial, change, passed = y.copy(), np.empty(n), np.zeros(n), past.copy()
+    after, moved = np.empty(n), np.zeros(n)
+    stale, done, lost = True, 0.0, 0.0
     listed = pairs_at(scene, y, control.skin, work)
-    energy_of(scene, y, listed, no_slip(), np.int64(2), work)
-    stored = work.terms[0] + work.terms[1] + work.terms[2]
-    factorise_shifted(work.hessian, march.free, work.factor)
+    slip = begin_friction(scene, y, listed, rub, memory, work)
+    _, _, held = end_friction(scene, y, slip, memory, work)
+    energy_of(scene, y, listed, slip, np.int64(0), work)
+    stored = work.terms[0] + work.terms[1] + work.terms[2] + held
     for state in range(targets.shape[0]):
-        left, iterations = 1.0, 0
-        far = 0.0
-        for j in range(march.driven.size):
-            far = max(far, abs(targets[state, j] - y[march.driven[j]]))
-        part = min(1.0, march.largest / far) if far > 0.0 else 1.0
-        part = 1.0 / math.ceil(1.0 / part - 1e-9)
-        smallest, smallest_balanced = part * SMALLEST, part * SMALLEST_BALANCED
+        left, iterations, increments = 1.0, 0, 0
+        part, smallest, balanced = parts_of(y, targets[state], march)
         while left > 1e-9:
             part = min(part, left)
-            for j in range(march.driven.size):
-                i = march.driven[j]
-                change[i] = (targets[state, j] - y[i]) * (part / left)
-            if stale:
+            if not covers(scene, listed, y, work):
                 listed = pairs_at(scene, y, control.skin, work)
-                energy_of(scene, y, listed, no_slip(), np.int64(2), work)
+            slip = begin_friction(scene, y, listed, rub, memory, work)
+            if stale:
+                energy_of(scene, y, listed, slip, np.int64(2), work)
                 factorise_shifted(work.hessian, march.free, work.factor)
                 stale = False
             copy_to(y, trial)
-            tangent(trial, change, march.free, work)
+            step_to(change, y, targets[state], part / left, march)
+            answer(trial, change, march.free, work)
+            aim_at(trial, y, targets[state], part / left, march)
             bend_predictor(trial, y, before, march)
-            status, used, residual, loss = solve_step(scene, trial, march, control, y, work)
+            status, used, residual, listed = solve_step(
+                scene, trial, slip, rub, targets[state], part >= left, march, listed, work
+            )
             iterations += used
-            if status == CONVERGED and not intact(scene, trace, trial, march.expected, work):
+            for i in (n - LATTICE, n - LATTICE + 3):
+                if (
+                    not first[i] <= trial[i] * march.widest
+                    or not trial[i] <= first[i] * march.widest
+                ):
+                    status = RAN_AWAY if status == CONVERGED else status
+            if status == CONVERGED and not intact(
+                scene, march.trace, trial, march.expected, work.x
+            ):
                 status = CROSSINGS_LOST
             if status == CONVERGED and not resolved(scene, work):
                 status = TOO_CLOSE
-            if status != CONVERGED:
+            verdict, loss, step_work, remembered = decide(part, smallest, status), 0.0, 0.0, memory
+            if status == CONVERGED:
+                remembered, loss, held = end_friction(scene, trial, slip, memory, work)
+                forces_at(scene, march, work, after)
+                energy = work.terms[0] + work.terms[1] + work.terms[2] + held
+                for i in range(n):
+                    moved[i] = trial[i] - y[i]
+                copy_to(past, passed)
+                loss, step_work, unbalanced = account(
+                    scene.load, march, (force, after, moved, passed), energy - stored, loss,
+                    (stored, lost),
+                )  # fmt: skip
+                verdict = decide(part, balanced, CONVERGED if not unbalanced else NOT_SETTLED)
+                verdict = ACCEPT if verdict == STOP else verdict
+            if verdict != ACCEPT:
+                if verdict == STOP:
+                    return state, status, memory
                 part *= 0.5
-                copy_to(y, before)
-                if part < smallest:
-                    return state, status
+                if status != CONVERGED:
+                    copy_to(y, before)
                 stale = True
                 continue
-            energy = work.terms[0] + work.terms[1] + work.terms[2]
-            step_work = energy - stored
-            copy_to(trail.past, past)
-            for i in range(n):
-                after[i] = work.gradient[i] + scene.load[i]
-            # What is free moves under dead loads only, whose work is exact.
-            held = low = high = 0.0
-            for i in range(n):
-                moved[i] = 0.0
-            for i in march.free:
-                held += scene.load[i] * (trial[i] - y[i])
-            for i in march.driven:
-                moved[i] = trial[i] - y[i]
-                low += force[i] * moved[i]
-                high += after[i] * moved[i]
-            if march.friction == 0.0:
-                loss = set_free(low, high, step_work - held, stored)
-                if part > smallest_balanced and loss > 0.0:
-                    part *= 0.5
-                    stale = True
-                    continue
-                step_work += loss
-            else:
-                gain = step_work + loss
-                step_work = held + work_of_increment(force, after, moved, past)
-                # Where the force bends sharply, as where yarns start to slip, it is followed closely.
-                most = BALANCED * abs(step_work) + WHOLE_BALANCED * abs(done + step_work)
-                if part > smallest_balanced and abs(step_work - gain) > most:
-                    part *= 0.5
-                    stale = True
-                    continue
-            done += step_work
-            stored = energy
-            copy_to(past, trail.past)
+            done, lost, stored, memory = done + step_work, lost + loss, energy, remembered
+            copy_to(passed, past)
             copy_to(after, force)
-            lost += loss
             copy_to(y, before)
             copy_to(trial, y)
-            left -= part
-            left = left if left > 1e-9 else 0.0
+            increments += 1
+            left = left - part if left - part > 1e-9 else 0.0
+        row = trail.states[state]
         for i in range(n):
             trail.y[state, i], trail.force[state, i] = y[i], force[i]
-        row = trail.states[state]
         for i in range(3):
             row.terms[i] = work.terms[i]
+        row.terms[3] = stored - work.terms[0] - work.terms[1] - work.terms[2]
         row.closest, row.residual = math.sqrt(work.closest[0]), residual
         row.work, row.lost = done, lost
-        row.iterations, row.status = iterations, REACHED
-    return targets.shape[0], REACHED
+        row.iterations, row.increments, row.status = iterations, increments, REACHED
+    return targets.shape[0], REACHED, memory

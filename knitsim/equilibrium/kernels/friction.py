@@ -1,11 +1,24 @@
-"""Coulomb friction at the contacts as an incremental potential (compiled).
+"""Coulomb friction at the contacts, elastic up to its limit, with a memory of its own (compiled).
 
-Over one load step from y0 to y a pair slips by u, the part of d(y) - d(y0) across its normal, d being
-the vector between the centre lines.  The potential is sum w mu N f0(|u|), with the normal force N
-and the normal lagged (taken at the last pass), and f0' = f1 rising from 0 to 1 over the slip
-``rounding``: f1 = 2 s/r - (s/r)^2 for s < r, 1 beyond.  Its minimum is the implicit step of Coulomb's
-law in the limit of small rounding.  Friction between centre lines: the spin of the yarn about its
-own axis is not followed.
+Two places that touch are joined across their normal by a spring.  Its elongation e is the elastic part
+of their relative displacement u; its force k e grows up to Coulomb's limit mu N and no further: beyond,
+the places slide (return mapping, Jenkins element).  Over a load step from y0 to y, with d the vector
+between the centre lines,
+
+    u = P (R e0 + d - d0),   force = min(k |u|, mu N) u/|u|,   e = force/k,
+
+where P takes the part across the normal n, and R carries the e0 of the start from the normal there to
+n by the least rotation.  Normal force and normal are lagged, those of the last pass, so that a step
+has a potential and a symmetric Hessian; passes are repeated until what they change is small.
+
+k is a constant of the pair as long as it touches: a spring whose stiffness followed the normal force
+could give energy.  What is dissipated over a step is the limit times the way slid, the limit that at
+which sliding sets in and that at the end: never negative.  A pair that opens has no limit, so that its
+spring slides back to nothing and what was in it is dissipated.  A pair that slides along the yarn
+leaves the contact at one end while new ones enter, unstrained, at the other: along a contact of length
+a, all but a part e/a of the force is remembered.
+
+Friction acts between centre lines: the spin of the yarn about its own axis is not followed.
 """
 
 import math
@@ -13,106 +26,61 @@ from typing import NamedTuple
 
 import numpy as np
 
-from knitsim.equilibrium.kernels.contact import add_pushes, law_at, separation
-from knitsim.equilibrium.kernels.fixtures import add_point, from_axis, scatter_point
+from knitsim.equilibrium.kernels.contact import add_pushes, separation
+from knitsim.equilibrium.kernels.pairs import CHUNK
 from knitsim.jit import njit
 
-# One place that rubs over a load step.  i, k, g: the pair; start: d at the start (m); normal: lagged
-# unit normal; limit: weight mu N of the lag (N); before: the same at the start of the step.
+# One place that rubs over a load step.  pair: i, k, g; start: d at the start (m); held: e0, facing: the
+# normal there; normal: lagged unit normal, anchor: d0 - R e0; limit: lagged mu N (N), before: at the
+# start; stiffness: k (N/m).
 RUB = np.dtype(
     [
         ("pair", "i8", 3),
-        ("start", "f8", 3),
-        ("normal", "f8", 3),
-        ("limit", "f8"),
-        ("before", "f8"),
+        *((name, "f8", 3) for name in ("start", "held", "facing", "normal", "anchor")),
+        *((name, "f8") for name in ("limit", "before", "stiffness")),
     ],
     align=True,
 )
 
+# What a place remembers between load steps: e (m) and the normal that it belongs to.
+MEMORY = np.dtype([("pair", "i8", 3), ("held", "f8", 3), ("facing", "f8", 3)], align=True)
 
-# A Gauss point of the yarn whose bending couple lags.  axis: unit vector of its curvature at the start
-# of the step, start: the curvature then (1/m); couple: M0 times the reference length it stands for
-# (N m2).
-LAG = np.dtype([("axis", "f8", 3), ("start", "f8"), ("couple", "f8")], align=True)
+
+class Rub(NamedTuple):
+    """Friction of a fabric.
+
+    friction: Coulomb's coefficient; shell: tangential stiffness of a contact per length of the one
+    yarn and of the other (N/m3).  couple: :class:`.lag.Couple` of friction within the yarn, or ().
+    """
+
+    friction: float
+    shell: float
+    couple: tuple
+
+
+class Memory(NamedTuple):
+    """All that friction remembers.
+
+    pairs (MEMORY): in the order of the pair search; wraps (cylinders, points) of MEMORY: on rigid
+    cylinders; lags: what the yarn itself remembers (:mod:`.lag`).
+    """
+
+    pairs: np.ndarray
+    wraps: np.ndarray
+    lags: np.ndarray
 
 
 class Slip(NamedTuple):
     """Friction of one load step.
 
     pairs (n,): a RUB for each listed pair; wraps (cylinders, points): one for every contact point on
-    every rigid cylinder, its pair unused; rounding (m).  lags: a LAG for each Gauss point of the yarn,
-    or none; turn: their rounding (1/m).
+    every rigid cylinder, its pair unused; lags: LAG of :mod:`.lag` for each Gauss point of the yarn, or
+    none.
     """
 
     pairs: np.ndarray
     wraps: np.ndarray
-    rounding: float
     lags: np.ndarray
-    turn: float
-
-
-@njit
-def no_slip():
-    """Friction of a scene that has none."""
-    return Slip(
-        np.empty(0, dtype=RUB), np.empty((0, 0), dtype=RUB), 1.0, np.empty(0, dtype=LAG), 1.0
-    )
-
-
-@njit
-def lag_at(scene, points, lattice, weight, friction, slip):
-    """Fill normal and limit of the slip from the contact forces at the given points."""
-    pairs, normal, limit = slip.pairs["pair"], slip.pairs["normal"], slip.pairs["limit"]
-    for j in range(weight.size):
-        pair = (pairs[j, 0], pairs[j, 1], pairs[j, 2])
-        d = separation(scene.touch, points, lattice, pair)
-        square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-        distance = math.sqrt(square)
-        _, v1, _ = law_at(square, scene.law)
-        for axis in range(3):
-            normal[j, axis] = d[axis] / distance
-        limit[j] = -2.0 * distance * v1 * weight[j] * friction
-    wrap_normal, wrap_limit = slip.wraps["normal"], slip.wraps["limit"]
-    for c in range(wrap_limit.shape[0]):
-        for i in range(points.shape[0]):
-            d = from_axis(scene.cylinders, c, points, i)
-            square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-            distance = math.sqrt(square)
-            _, v1, _ = law_at(square, scene.cylinders[c].law)
-            for axis in range(3):
-                wrap_normal[c, i, axis] = d[axis] / distance
-            wrap_limit[c, i] = -2.0 * distance * v1 * scene.touch.points[i].length * friction
-
-
-@njit
-def begin_slip(scene, points, lattice, pairs, friction, rounding):
-    """Friction pairs for a load step that starts at the given points."""
-    listed, weight = pairs
-    slip = Slip(
-        np.empty(weight.size, dtype=RUB),
-        np.empty((scene.cylinders.size, points.shape[0]), dtype=RUB),
-        rounding,
-        np.empty(0, dtype=LAG),
-        1.0,
-    )
-    for j in range(weight.size):
-        pair = (listed[j, 0], listed[j, 1], listed[j, 2])
-        d = separation(scene.touch, points, lattice, pair)
-        for axis in range(3):
-            slip.pairs["pair"][j, axis] = listed[j, axis]
-            slip.pairs["start"][j, axis] = d[axis]
-    for c in range(scene.cylinders.size):
-        for i in range(points.shape[0]):
-            for axis in range(3):
-                slip.wraps["start"][c, i, axis] = points[i, axis]
-    lag_at(scene, points, lattice, weight, friction, slip)
-    for j in range(weight.size):
-        slip.pairs["before"][j] = slip.pairs["limit"][j]
-    for c in range(scene.cylinders.size):
-        for i in range(points.shape[0]):
-            slip.wraps["before"][c, i] = slip.wraps["limit"][c, i]
-    return slip
 
 
 @njit
@@ -125,12 +93,11 @@ def across(d, start, n):
 
 
 @njit
-def rise_at(size, rounding):
-    """f0 (m), f1/size (1/m) and f1' (1/m) at a slip of this size."""
-    if size >= rounding:
-        return size - rounding / 3.0, 1.0 / size, 0.0
-    x = size / rounding
-    return size * x * (1.0 - x / 3.0), (2.0 - x) / rounding, (2.0 - 2.0 * x) / rounding
+def spring_at(size, stiffness, limit):
+    """Potential (J), force over elongation (N/m), its slope less that (N/m), at an elongation (m)."""
+    if stiffness * size <= limit:
+        return 0.5 * stiffness * size * size, stiffness, 0.0
+    return limit * (size - 0.5 * limit / stiffness), limit / size, -limit / size
 
 
 @njit
@@ -156,71 +123,131 @@ def slip_matrix(f, bend, n, u):
 
 
 @njit
-def add_friction(scene, points, lattice, slip, order, gradient, half):
-    """Potential of the friction forces (J); order as in ``add_contact``."""
-    touch = scene.touch
-    pairs, limits = slip.pairs["pair"], slip.pairs["limit"]
-    starts, normals = slip.pairs["start"], slip.pairs["normal"]
+def turn(rub, d, place, limit):
+    """Give a RUB the normal along d, the limit (N) that goes with it, and its anchor.
+
+    place: what moves against it, d itself for two yarns.  Returns how much its force changes by the
+    new limit (N), and the force itself.
+    """
+    distance = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    shared, leant = 1.0, 0.0
+    for axis in range(3):
+        rub.normal[axis] = d[axis] / distance
+        shared += rub.normal[axis] * rub.facing[axis]
+        leant += rub.normal[axis] * rub.held[axis]
+    for axis in range(3):
+        turned = rub.held[axis] - leant / shared * (rub.facing[axis] + rub.normal[axis])
+        rub.anchor[axis] = rub.start[axis] - turned
+    _, size = across(place, rub.anchor, rub.normal)
+    now, then = min(rub.stiffness * size, limit), min(rub.stiffness * size, rub.limit)
+    rub.limit = limit
+    return abs(now - then), now
+
+
+@njit
+def begin(rub, d, place, limit, stiffness):
+    """Start a step of a RUB that holds what it remembers of the last one."""
+    rub.stiffness, rub.before = stiffness, limit
+    for axis in range(3):
+        rub.start[axis] = place[axis]
+    turn(rub, d, place, limit)
+
+
+@njit
+def end(rub, place, memory):
+    """Energy lost over the step (J) and held in the spring at its end (J); fills a MEMORY."""
+    u, size = across(place, rub.anchor, rub.normal)
+    k, limit = rub.stiffness, rub.limit
+    kept, lost = 1.0, 0.0
+    if k * size > limit:
+        kept = limit / (k * size)
+        lost = 0.5 * (onset(rub, u, size) + limit) * (1.0 - kept) * size
+    for axis in range(3):
+        memory.held[axis], memory.facing[axis] = kept * u[axis], rub.normal[axis]
+        memory.pair[axis] = rub.pair[axis]
+    return lost, 0.5 * k * (kept * size) ** 2
+
+
+@njit
+def onset(rub, u, size):
+    """Limit (N) at which a place starts to slide that slides at the end of the step.
+
+    Over the step the elongation without sliding goes straight from e0 to u and the limit from that
+    before to that at the end.
+    """
+    low, high = rub.before, rub.limit
+    held = along = 0.0
+    for axis in range(3):
+        e = rub.start[axis] - rub.anchor[axis]
+        held += e * e
+        along += e * u[axis]
+    # |e0 + t (u - e0)| k = low + t (high - low)
+    k2 = rub.stiffness * rub.stiffness
+    a = k2 * (size * size - 2.0 * along + held) - (high - low) ** 2
+    b = k2 * (along - held) - low * (high - low)
+    c = k2 * held - low * low
+    root = math.sqrt(max(b * b - a * c, 0.0))
+    # The root at which a t^2 + 2 b t + c, below zero at first, rises above it.
+    t = 1.0
+    if b >= 0.0:
+        t = -c / (b + root) if c < 0.0 else 0.0
+    elif a > 0.0:
+        t = (root - b) / a
+    return low + min(t, 1.0) * (high - low)
+
+
+@njit
+def precedes(a, i, k, g):
+    """Whether the pair a comes before (i, k, g) in the order of the pair search."""
+    if a[2] != g:
+        return a[2] < g
+    if a[0] // CHUNK != i // CHUNK:
+        return a[0] // CHUNK < i // CHUNK
+    if a[1] // CHUNK != k // CHUNK:
+        return a[1] // CHUNK < k // CHUNK
+    return a[0] < i if a[0] != i else a[1] < k
+
+
+@njit
+def recall(rubs, memory):
+    """Hand each remembered elongation to the RUB of the same pair; both in the order of the search."""
+    at = 0
+    for j in range(rubs.size):
+        i, k, g = rubs[j].pair[0], rubs[j].pair[1], rubs[j].pair[2]
+        while at < memory.size and precedes(memory[at].pair, i, k, g):
+            at += 1
+        if at == memory.size:
+            return
+        pair = memory[at].pair
+        if pair[0] == i and pair[1] == k and pair[2] == g:
+            for axis in range(3):
+                rubs[j].held[axis] = memory[at].held[axis]
+                rubs[j].facing[axis] = memory[at].facing[axis]
+
+
+@njit
+def add_flat_friction(scene, lattice, slip, order, work):
+    """Potential of the friction forces (J); order as in ``add_flat_contact``."""
+    touch, points = scene.touch, work.points
     room = slip.pairs.size if order > 0 else 0
     near, push = np.empty((room, 3), dtype=np.int64), np.empty((room, 9))
     energy, count = 0.0, 0
     for j in range(slip.pairs.size):
-        limit = limits[j]
-        if limit == 0.0:
+        rub = slip.pairs[j]
+        if rub.limit == 0.0:
             continue
-        pair = (pairs[j, 0], pairs[j, 1], pairs[j, 2])
-        u, size = across(separation(touch, points, lattice, pair), starts[j], normals[j])
-        f0, over, f2 = rise_at(size, slip.rounding)
-        energy += limit * f0
+        pair = (rub.pair[0], rub.pair[1], rub.pair[2])
+        u, size = across(separation(touch, points, lattice, pair), rub.anchor, rub.normal)
+        v, f, bend = spring_at(size, rub.stiffness, rub.limit)
+        energy += v
         if order == 0:
             continue
-        f = limit * over
-        bend = limit * (f2 - over) / (size * size) if size > 0.0 else 0.0
-        h = slip_matrix(f, bend, normals[j], u)
+        h = slip_matrix(f, bend / (size * size) if bend != 0.0 else 0.0, rub.normal, u)
         for axis in range(3):
             near[count, axis], push[count, axis] = pair[axis], f * u[axis]
         push[count, 3], push[count, 4], push[count, 5] = h[0][0], h[0][1], h[0][2]
         push[count, 6], push[count, 7], push[count, 8] = h[1][1], h[1][2], h[2][2]
         count += 1
     if count > 0:
-        add_pushes(touch, near[:count], push[:count], order, gradient, half)
-    limits, starts, normals = slip.wraps["limit"], slip.wraps["start"], slip.wraps["normal"]
-    for c in range(slip.wraps.shape[0]):
-        for i in range(points.shape[0]):
-            limit = limits[c, i]
-            if limit == 0.0:
-                continue
-            place = (points[i, 0], points[i, 1], points[i, 2])
-            u, size = across(place, starts[c, i], normals[c, i])
-            f0, over, f2 = rise_at(size, slip.rounding)
-            energy += limit * f0
-            if order == 0:
-                continue
-            f = limit * over
-            scatter_point(touch, i, (f * u[0], f * u[1], f * u[2]), gradient)
-            if order == 2:
-                bend = limit * (f2 - over) / (size * size) if size > 0.0 else 0.0
-                add_point(touch, i, slip_matrix(f, bend, normals[c, i], u), half)
+        add_pushes(touch, near[:count], push[:count], order, work.expanded, work.half)
     return energy
-
-
-@njit
-def loss_of(scene, points, lattice, slip):
-    """Energy lost in the step (J): friction force times slip, the force the mean over the step."""
-    pairs, starts, normals = slip.pairs["pair"], slip.pairs["start"], slip.pairs["normal"]
-    lost = 0.0
-    for j in range(slip.pairs.size):
-        d = separation(scene.touch, points, lattice, (pairs[j, 0], pairs[j, 1], pairs[j, 2]))
-        _, size = across(d, starts[j], normals[j])
-        _, over, _ = rise_at(size, slip.rounding)
-        mean = 0.5 * (slip.pairs[j]["limit"] + slip.pairs[j]["before"])
-        lost += mean * over * size * size
-    starts, normals = slip.wraps["start"], slip.wraps["normal"]
-    for c in range(slip.wraps.shape[0]):
-        for i in range(points.shape[0]):
-            place = (points[i, 0], points[i, 1], points[i, 2])
-            _, size = across(place, starts[c, i], normals[c, i])
-            _, over, _ = rise_at(size, slip.rounding)
-            mean = 0.5 * (slip.wraps[c, i]["limit"] + slip.wraps[c, i]["before"])
-            lost += mean * over * size * size
-    return lost

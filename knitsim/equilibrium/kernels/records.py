@@ -1,19 +1,22 @@
 """What the compiled solver reads: plain arrays, grouped by what they describe.
 
 The unknowns are y = (q, L): the free numbers q of the control points and the lattice L =
-(a1 course, a1 wale, a2 course, a2 wale), where a1 carries a loop to the next wale and a2 to the next
-course (m).  The control points follow by an affine map, x = C y + x0, stored row by row; symmetry,
-periodicity, clamps and the gauge are all rows of this map, so that no kernel knows about them.
+(a1 course, a1 wale, a2 course, a2 wale, angle), where a1 carries a loop to the next wale and a2 to the
+next course (m); angle (rad) is what one loop spans about the axis of a bent fabric, zero in a flat one.
+The control points follow by an affine map, x = C y + x0, stored row by row; symmetry, periodicity,
+clamps and the gauge are all rows of this map, so that no kernel knows about them.
 
 Energies are in J per cell (all control points, whatever part of them is unknown); a cell of the
-quarter carries its copies in the weights.
+quarter carries its copies in the weights.  What a scene does not have is an empty tuple in it, and the
+kernels for it are not compiled (:func:`knitsim.jit.choose`).
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-LATTICE = 4  # entries of L: a1 course, a1 wale, a2 course, a2 wale
+LATTICE = 5  # entries of L: a1 course, a1 wale, a2 course, a2 wale, angle
+ANGLE = 4  # which of them
 
 
 # A row of each table.  Tables rather than an array per column: with many arrays in the arguments,
@@ -61,10 +64,12 @@ IMAGE = np.dtype(
     align=True,
 )
 
-# Rigid cylinder: a point of the axis and its direction, contact law.  The law is that of yarn contact
-# with the sum of the radii as diameter; its energy counts per length of yarn, so that its K is in N
-# and its k in N/m2.
-CYLINDER = np.dtype([("point", "f8", 3), ("axis", "f8", 3), ("law", "f8", 4)], align=True)
+# Rigid cylinder: a point of the axis and its direction, contact law.  The law is the barrier with the sum
+# of the radii as diameter; its energy counts per length of yarn, so that its K is in N.  shell: its
+# stiffness where it is first touched, per length of yarn (N/m2).
+CYLINDER = np.dtype(
+    [("point", "f8", 3), ("axis", "f8", 3), ("law", "f8", 4), ("shell", "f8")], align=True
+)
 
 # Couple that turns the tangent at a place of a yarn.  first, d1: the place, as in ROD; moment (N m);
 # normal: axis of the couple; reference: direction from which the angle counts, within half a turn of
@@ -115,42 +120,84 @@ class Touch(NamedTuple):
     """Contact points and the operations that carry them to their images.
 
     points (TOUCH_POINT), images (IMAGE).  copies: how often the cell counts.  exclude (m): yarn
-    neighbours closer than this along the arc do not touch.
+    neighbours closer than this along the arc do not touch.  far: most spacings of any one image.
     """
 
     points: np.ndarray
     images: np.ndarray
     copies: float
     exclude: float
+    far: float
 
 
 class Bend(NamedTuple):
-    """Angle that one loop spans about the axis of a bent fabric (rad), positive with the face convex;
-    direction that becomes curved (0 course, 1 wale); active: whether curved energies are taken at
-    all.  The curvature is the angle over the spacing along the bent direction.
+    """A fabric bent to a cylinder with the face convex where the angle is positive.
+
+    direction that becomes curved: 0 course, 1 wale.  The curvature is the angle of a loop over the
+    spacing along that direction.
     """
 
-    angle: float
     direction: int
-    active: bool
+
+
+class Fixtures(NamedTuple):
+    """What only the scenes of open yarns have: cylinders (CYLINDER), couples (COUPLE)."""
+
+    cylinders: np.ndarray
+    couples: np.ndarray
 
 
 class Scene(NamedTuple):
-    """All that the energy of a scene depends on, besides y.
+    """All that the energy of a scene depends on, besides y and friction.
 
-    rod (ROD), cylinders (CYLINDER) and couples (COUPLE) are tables.
-    law: the contact law (:meth:`knitsim.equilibrium.contact.ContactLaw.array`).  load (y size): dead
-    loads, the energy falls by load . y.  scale (y size): the
-    residual of unknown i is |gradient_i| scale_i (N), the force on one control point or on L.
+    rod (ROD): a table.  law: the contact law (:meth:`knitsim.equilibrium.contact.ContactLaw.array`).
+    load (y size): dead loads, the energy falls by load . y.  scale (y size): the residual of unknown i
+    is |gradient_i| scale_i (N), the force on one control point or on L.  bend: Bend or ().
+    fixtures: Fixtures or ().
     """
 
     map: Map
     rod: np.ndarray
     stretch: Stretch
     touch: Touch
-    cylinders: np.ndarray
-    couples: np.ndarray
-    bend: Bend
     law: np.ndarray
     load: np.ndarray
     scale: np.ndarray
+    bend: Bend
+    fixtures: Fixtures
+
+
+class Bent(NamedTuple):
+    """Where the energies of a bent fabric add their derivatives by the curvature kappa.
+
+    by_kappa (2,): first and second derivative; mixed (map rows): derivative of the expanded gradient
+    by kappa.
+    """
+
+    by_kappa: np.ndarray
+    mixed: np.ndarray
+
+
+class Work(NamedTuple):
+    """Buffers of one scene.
+
+    x (n, 3): control points; points (m, 3): contact points; expanded (map rows): gradient by control
+    points and lattice; half: a matrix A with their Hessian = A + A^T; gradient, hessian: by y;
+    factor: upper Cholesky factor; terms (3,): stretch, bending, contact energy (J); closest (1,):
+    smallest squared distance of contact points (m2); bent.
+    """
+
+    x: np.ndarray
+    points: np.ndarray
+    expanded: np.ndarray
+    half: np.ndarray
+    gradient: np.ndarray
+    hessian: np.ndarray
+    factor: np.ndarray
+    terms: np.ndarray
+    closest: np.ndarray
+    bent: Bent
+
+
+def no_pairs():
+    return np.empty((0, 3), dtype=np.int64), np.empty(0)

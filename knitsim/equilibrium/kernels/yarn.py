@@ -118,36 +118,39 @@ def derivatives_at(point, x):
 
 
 @njit
-def add_yarn(scene, x, order, gradient, half, terms):
-    """Add the yarn's energy to terms[0] (stretch) and terms[1] (bending).
+def scatter(point, form, tangent, order, work):
+    """Add an energy of velocity and acceleration at a Gauss point to the gradient and Hessian.
 
-    x (n, 3): control points.  order 1 adds to gradient (3 n + ...), order 2 also to ``half``, a
-    matrix A with Hessian = A + A^T.
+    form (6,): its gradient by them; tangent (6, 6): its Hessian, used where order is 2.
     """
-    rod = scene.rod
-    form, tangent = np.empty(6), np.empty((6, 6))
-    for point in rod:
-        f = point.first
-        v, w = derivatives_at(point, x)
-        yarn_point(point, scene.stretch, v, w, order, form, tangent, terms)
-        if order == 0:
-            continue
-        for k in range(4):
-            d, s = point.d1[k], point.d2[k]
-            for i in range(3):
-                gradient[3 * (f + k) + i] += d * form[i] + s * form[3 + i]
-        if order == 1:
-            continue
+    f, expanded, half = point.first, work.expanded, work.half
+    for k in range(4):
+        d, s = point.d1[k], point.d2[k]
         for i in range(3):
-            for j in range(3):
-                for k in range(4):
-                    dk, sk = point.d1[k], point.d2[k]
-                    left = dk * tangent[i, j] + sk * tangent[3 + i, j]
-                    right = dk * tangent[i, 3 + j] + sk * tangent[3 + i, 3 + j]
-                    row = 3 * (f + k) + i
-                    for m in range(k):
-                        half[row, 3 * (f + m) + j] += left * point.d1[m] + right * point.d2[m]
-                    half[row, row - i + j] += 0.5 * (left * dk + right * sk)
+            expanded[3 * (f + k) + i] += d * form[i] + s * form[3 + i]
+    if order == 1:
+        return
+    for i in range(3):
+        for j in range(3):
+            for k in range(4):
+                dk, sk = point.d1[k], point.d2[k]
+                left = dk * tangent[i, j] + sk * tangent[3 + i, j]
+                right = dk * tangent[i, 3 + j] + sk * tangent[3 + i, 3 + j]
+                row = 3 * (f + k) + i
+                for m in range(k):
+                    half[row, 3 * (f + m) + j] += left * point.d1[m] + right * point.d2[m]
+                half[row, row - i + j] += 0.5 * (left * dk + right * sk)
+
+
+@njit
+def add_flat_yarn(scene, lattice, order, work):
+    """Add the yarn's energy to work.terms[0] (stretch) and [1] (bending), at work.x."""
+    form, tangent = np.empty(6), np.empty((6, 6))
+    for point in scene.rod:
+        v, w = derivatives_at(point, work.x)
+        yarn_point(point, scene.stretch, v, w, order, form, tangent, work.terms)
+        if order > 0:
+            scatter(point, form, tangent, order, work)
 
 
 @njit

@@ -11,15 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from knitsim.equilibrium.kernels.contact import (
-    CHUNK,
-    image_is_far,
-    isotropic_plus,
-    law_at,
-    separation,
-)
+from knitsim.equilibrium.kernels.contact import isotropic_plus, law_at, separation
 from knitsim.equilibrium.kernels.crossings import segments_crossing
-from knitsim.equilibrium.kernels.friction import across, rise_at, slip_matrix
+from knitsim.equilibrium.kernels.friction import across, slip_matrix, spring_at
+from knitsim.equilibrium.kernels.pairs import CHUNK, image_is_far
 from knitsim.equilibrium.kernels.yarn import derivatives_at, yarn_point
 from knitsim.jit import njit
 
@@ -380,17 +375,14 @@ def add_contact_blocks(scene, points, lattice, pairs, graph, parts):
 @njit
 def add_slip_blocks(scene, points, lattice, slip, coupling, graph, parts):
     """Add the Hessian of the friction potential; coupling (n,): those of the rubbing pairs."""
-    rubs = slip.pairs
-    for j in range(rubs.size):
-        limit = rubs[j]["limit"]
-        if limit == 0.0:
+    for j in range(slip.pairs.size):
+        rub = slip.pairs[j]
+        if rub.limit == 0.0:
             continue
-        pair = (rubs[j]["pair"][0], rubs[j]["pair"][1], rubs[j]["pair"][2])
-        start, normal = rubs[j]["start"], rubs[j]["normal"]
-        u, size = across(separation(scene.touch, points, lattice, pair), start, normal)
-        _, over, f2 = rise_at(size, slip.rounding)
-        bend = limit * (f2 - over) / (size * size) if size > 0.0 else 0.0
-        h = slip_matrix(limit * over, bend, normal, u)
+        pair = (rub.pair[0], rub.pair[1], rub.pair[2])
+        u, size = across(separation(scene.touch, points, lattice, pair), rub.anchor, rub.normal)
+        _, f, bend = spring_at(size, rub.stiffness, rub.limit)
+        h = slip_matrix(f, bend / (size * size) if bend != 0.0 else 0.0, rub.normal, u)
         add_pair_blocks(scene, pair, coupling[j], h, graph, parts)
 
 

@@ -14,9 +14,9 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from knitsim.equilibrium.kernels.contact import place_points
-from knitsim.equilibrium.kernels.newton import Work, expand, new_work
-from knitsim.equilibrium.kernels.records import LATTICE
+from knitsim.equilibrium.kernels.energy import new_work
+from knitsim.equilibrium.kernels.pairs import CHUNK, Listed, expand, place_points
+from knitsim.equilibrium.kernels.records import LATTICE, Work
 from knitsim.equilibrium.large import assembly as kernels
 
 SHIFT, SHIFT_STEP, SHIFTS = 1e-6, 4.0, 40  # of the largest diagonal entry; growth; tries
@@ -104,10 +104,14 @@ def place(scene, y, work):
 
 
 def sparse_pairs(scene, y, skin, work):
-    """Pairs closer than the diameter plus ``skin`` (m) at y, as of ``pairs_at``."""
-    lattice = place(scene, y, work)
+    """The :class:`Listed` pairs closer than the diameter plus ``skin`` (m) at y, as of ``pairs_at``."""
+    lattice, reach = place(scene, y, work), scene.law[1] + skin
     work.counts["pairs"] += 1
-    return kernels.find_pairs_in_grid(scene.touch, work.work.points, lattice, scene.law[1] + skin)
+    pairs, weight = kernels.find_pairs_in_grid(scene.touch, work.work.points, lattice, reach)
+    # In the order of the dense search, in which friction remembers.
+    i, k, g = pairs.T
+    order = np.lexsort((k, i, k // CHUNK, i // CHUNK, g))
+    return Listed(pairs[order], weight[order], y.copy(), np.full(1, reach))
 
 
 def sparse_intact(scene, trace, y, expected, work):
@@ -210,11 +214,10 @@ class Linear:
     """
 
     def __init__(self, scene, y, pairs, slip, free, work):
-        keys = [
-            kernels.keys_of(scene, work.node, listed)
-            for listed in (pairs[0], np.ascontiguousarray(slip.pairs["pair"]))
-        ]
-        coupling, rubbing = _couplings(work, keys)
+        both = [pairs.pairs] + ([np.ascontiguousarray(slip.pairs["pair"])] if slip else [])
+        coupling, *rubbing = _couplings(
+            work, [kernels.keys_of(scene, work.node, listed) for listed in both]
+        )
         pattern, inner = work.pattern, work.work
         parts = kernels.Parts(
             np.zeros((len(pattern.rows), 3, 3)),
@@ -224,8 +227,10 @@ class Linear:
         lattice = place(scene, y, work)
         graph = pattern.graph
         kernels.add_yarn_blocks(scene, inner.x, graph, parts)
-        kernels.add_contact_blocks(scene, inner.points, lattice, (*pairs, coupling), graph, parts)
-        kernels.add_slip_blocks(scene, inner.points, lattice, slip, rubbing, graph, parts)
+        listed = (pairs.pairs, pairs.weight, coupling)
+        kernels.add_contact_blocks(scene, inner.points, lattice, listed, graph, parts)
+        if slip:
+            kernels.add_slip_blocks(scene, inner.points, lattice, slip, *rubbing, graph, parts)
         value = np.zeros(len(pattern.index))
         kernels.spread(
             parts.blocks,

@@ -1,6 +1,6 @@
 """Newton's method and the following of a path in a large cell, with its sparse Hessian.
 
-The same steps as :mod:`newton_kernels` and :mod:`path_kernels`, to the same tolerances and with the same
+The same steps as :mod:`.kernels.newton` and :mod:`.kernels.follow`, to the same tolerances and with the same
 checks of every state, in Python, where each step is large enough: cap and Armijo search, tangent
 predictor, step halving, work balance.  Instead of shifting a Hessian that is not positive definite,
 Newton's linear problem is solved by conjugate gradients that end where they meet negative curvature.
@@ -10,22 +10,29 @@ import math
 
 import numpy as np
 
-from knitsim.equilibrium.kernels.follow import (
-    BALANCED,
+from knitsim.equilibrium.kernels.accept import (
+    ACCEPT,
     CROSSINGS_LOST,
-    LEAST_MOVE,
-    LOOSE,
+    NOT_SETTLED,
     REACHED,
-    SMALLEST,
-    SMALLEST_BALANCED,
+    STOP,
     TOO_CLOSE,
-    WHOLE_BALANCED,
-    bend_predictor,
-    resolved,
-    set_free,
-    work_of_increment,
+    account,
+    decide,
+    parts_of,
+    step_to,
 )
-from knitsim.equilibrium.kernels.friction import begin_slip, lag_at, loss_of, no_slip
+from knitsim.equilibrium.kernels.energy import energy_of
+from knitsim.equilibrium.kernels.follow import (
+    LOOSE,
+    PASSES,
+    SETTLED,
+    begin_friction,
+    bend_predictor,
+    end_friction,
+    lag_friction,
+    resolved,
+)
 from knitsim.equilibrium.kernels.newton import (
     ARMIJO,
     CONVERGED,
@@ -34,14 +41,14 @@ from knitsim.equilibrium.kernels.newton import (
     NOT_FINITE,
     ROUND_OFF,
     TOO_MANY,
-    energy_of,
     largest_move,
     residual_of,
 )
+from knitsim.equilibrium.kernels.pairs import covers
+from knitsim.equilibrium.kernels.records import LATTICE
 from knitsim.equilibrium.large.linear import (
     Linear,
     new_sparse_work,
-    place,
     sparse_intact,
     sparse_pairs,
 )
@@ -52,172 +59,147 @@ def lattice_entries(free, work):
     return free[free >= work.cell.count] - work.cell.count
 
 
-def sparse_minimise(scene, y, free, slip, control, work):
+def sparse_minimise(scene, y, free, pairs, slip, control, work):
     """As :func:`knitsim.equilibrium.kernels.newton.minimise`, without steps on trust.
 
     free: all q and entries of the lattice.  Afterwards work.work holds gradient and terms at y.
     """
     inner, lattice = work.work, lattice_entries(free, work)
-    pairs = sparse_pairs(scene, y, control.skin, work)
-    energy = energy_of(scene, y, pairs, slip, np.int64(1), inner)
-    residual = residual_of(inner.gradient, scene.scale, free)
+
+    def at(point, listed):
+        if not covers(scene, listed, point, inner):
+            listed = sparse_pairs(scene, point, control.skin, work)
+        value = energy_of(scene, point, listed, slip, np.int64(1), inner)
+        return value, residual_of(inner.gradient, scene.scale, free), listed
+
+    energy, residual, pairs = at(y, pairs)
     if not (math.isfinite(energy) and math.isfinite(residual)):
-        return NOT_FINITE, 0, residual
-    moved, iteration = 0.0, 0
+        return NOT_FINITE, 0, residual, pairs
+    iteration = 0
     while residual > control.tolerance:
         if iteration == control.limit:
-            return TOO_MANY, iteration, residual
+            return TOO_MANY, iteration, residual, pairs
         iteration += 1
         linear = work.linear = Linear(scene, y, pairs, slip, lattice, work)
         if not linear.ready():
-            return NOT_FINITE, iteration, residual
+            return NOT_FINITE, iteration, residual, pairs
         step = linear.answer(-inner.gradient)
         slope = step @ inner.gradient
         size = largest_move(scene.map, step)
         length = 1.0 if size <= control.cap else control.cap / size
-        # Pairs are listed around the point where ``moved`` was last zero.
-        if moved + length * size > 0.5 * control.skin:
-            pairs = sparse_pairs(scene, y, control.skin, work)
-            moved = 0.0
         for _ in range(HALVINGS + 1):
             point = y + length * step
-            new = energy_of(scene, point, pairs, slip, np.int64(1), inner)
-            after = residual_of(inner.gradient, scene.scale, free)
+            new, after, pairs = at(point, pairs)
             lower = new <= energy + ARMIJO * length * slope
             drowned = abs(new - energy) <= ROUND_OFF * abs(energy) and after < residual
             if math.isfinite(new) and math.isfinite(after) and (lower or drowned):
                 break
             length *= 0.5
         else:
-            energy_of(scene, y, pairs, slip, np.int64(1), inner)
-            return NO_DESCENT, iteration, residual
-        moved += length * size
+            _, residual, pairs = at(y, pairs)
+            return NO_DESCENT, iteration, residual, pairs
         y[:] = point
         energy, residual = new, after
-    return CONVERGED, iteration, residual
+    return CONVERGED, iteration, residual, pairs
 
 
-def _solve_step(scene, y, march, control, start, work):
+def _solve_step(scene, y, slip, rub, march, pairs, work):
     """As :func:`knitsim.equilibrium.kernels.follow.solve_step`."""
-    inner, slip, total, lost = work.work, no_slip(), 0, 0.0
-    rubs = march.friction > 0.0
-    for once in range(march.passes if rubs else 1):
-        if rubs and once == 0:
-            pairs = sparse_pairs(scene, start, control.skin, work)
-            slip = _slip_from(scene, start, pairs, y - start, march, work)
-        elif rubs:
-            lattice = place(scene, y, work)
-            lag_at(scene, inner.points, lattice, pairs[1], march.friction, slip)
+    inner, total = work.work, 0
+    settled = lag_friction(scene, y, slip, rub, inner) == 0.0
+    for _ in range(PASSES + 1):
         # All passes but the last only serve to find the normal forces.
-        last = not rubs or once == march.passes - 1
-        aim = control._replace(tolerance=control.tolerance * (1.0 if last else LOOSE))
-        status, iterations, residual = sparse_minimise(scene, y, march.free, slip, aim, work)
+        aim = march.control
+        if not settled:
+            aim = aim._replace(tolerance=aim.tolerance * LOOSE)
+        status, iterations, residual, pairs = sparse_minimise(
+            scene, y, march.free, pairs, slip, aim, work
+        )
         total += iterations
-        if status != CONVERGED:
-            return status, total, residual, 0.0
-    if rubs:
-        lattice = place(scene, y, work)
-        lost = loss_of(scene, inner.points, lattice, slip)
-    return status, total, residual, lost
+        if status != CONVERGED or settled:
+            return status, total, residual, pairs
+        settled = lag_friction(scene, y, slip, rub, inner) <= SETTLED
+    return NOT_SETTLED, total, residual, pairs
 
 
-def _slip_from(scene, start, pairs, change, march, work):
-    """Friction of a step from ``start`` in which the driven unknowns move by ``change``."""
-    moved = max(LEAST_MOVE * march.largest, np.abs(change[march.driven]).max())
-    lattice = place(scene, start, work)
-    return begin_slip(
-        scene, work.work.points, lattice, pairs, march.friction, march.rounding * moved
-    )
-
-
-def _predicted(scene, y, before, change, march, control, work):
-    """Tangent prediction from y for the prescribed ``change`` of the lattice; None without one.
-
-    With the Hessian of the last Newton step, friction in it, or where there is none that at y with
-    all contacts sticking: many loops are next to unstable without friction.
-    """
+def _forces(scene, march, work):
+    """As :func:`knitsim.equilibrium.kernels.follow.forces_at`."""
+    force = work.work.gradient + scene.load
     linear = work.linear
-    if linear is None:
-        lattice = lattice_entries(march.free, work)
-        pairs = sparse_pairs(scene, y, control.skin, work)
-        slip = no_slip()
-        if march.friction > 0.0:
-            slip = _slip_from(scene, y, pairs, change, march, work)
-        linear = work.linear = Linear(scene, y, pairs, slip, lattice, work)
-    if not linear.ready():
-        return None
-    trial = y + change + linear.answer(-linear.by_lattice(change[work.cell.count :]))
-    bend_predictor(trial, y, before, march)
-    return trial
+    if linear is not None and linear.ready():
+        left = np.zeros_like(force)
+        left[march.free] = work.work.gradient[march.free]
+        answer = linear.answer(left)
+        for d in march.driven:
+            unit = np.zeros(LATTICE)
+            unit[d - work.cell.count] = 1.0
+            force[d] -= linear.by_lattice(unit)[march.free] @ answer[march.free]
+    return force
 
 
-def sparse_follow(model, scene, y, force, targets, march, trail):
+def sparse_follow(model, scene, standing, targets, march, rub, trail):
     """As :func:`knitsim.equilibrium.kernels.follow.follow`, for a model with a sparse Hessian."""
-    work, control = new_sparse_work(model.cell, scene), model.control
-    inner, driven = work.work, march.driven
+    work, control = new_sparse_work(model.cell, scene), march.control
+    inner, lattice = work.work, lattice_entries(march.free, work)
+    y, force, past, memory = standing
     before, done, lost = y.copy(), 0.0, 0.0
     pairs = sparse_pairs(scene, y, control.skin, work)
-    energy_of(scene, y, pairs, no_slip(), np.int64(1), inner)
-    stored = inner.terms.sum()
+    slip = begin_friction(scene, y, pairs, rub, memory, inner)
+    held = end_friction(scene, y, slip, memory, inner)[2]
+    energy_of(scene, y, pairs, slip, np.int64(1), inner)
+    stored = inner.terms.sum() + held
     for state, target in enumerate(targets):
-        left, iterations = 1.0, 0
-        far = np.abs(target - y[driven]).max()
-        part = min(1.0, march.largest / far) if far > 0.0 else 1.0
-        part = 1.0 / math.ceil(1.0 / part - 1e-9)
-        smallest, smallest_balanced = part * SMALLEST, part * SMALLEST_BALANCED
+        left, iterations, increments = 1.0, 0, 0
+        part, smallest, balanced = parts_of(y, target, march)
         while left > 1e-9:
             part = min(part, left)
+            pairs = sparse_pairs(scene, y, control.skin, work)
+            slip = begin_friction(scene, y, pairs, rub, memory, inner)
+            if work.linear is None:
+                work.linear = Linear(scene, y, pairs, slip, lattice, work)
+            if not work.linear.ready():
+                return state, NOT_FINITE, memory
             change = np.zeros_like(y)
-            change[driven] = (target - y[driven]) * (part / left)
-            trial = _predicted(scene, y, before, change, march, control, work)
-            if trial is None:
-                return state, NOT_FINITE
-            status, used, residual, loss = _solve_step(scene, trial, march, control, y, work)
+            step_to(change, y, target, part / left, march)
+            by_lattice = work.linear.by_lattice(change[work.cell.count :])
+            trial = y + change + work.linear.answer(-by_lattice)
+            bend_predictor(trial, y, before, march)
+            status, used, residual, pairs = _solve_step(scene, trial, slip, rub, march, pairs, work)
             iterations += used
             if status == CONVERGED and not sparse_intact(
-                scene, model.trace, trial, march.expected, work
+                scene, march.trace, trial, march.expected, work
             ):
                 status = CROSSINGS_LOST
             if status == CONVERGED and not resolved(scene, inner):
                 status = TOO_CLOSE
-            if status != CONVERGED:
+            verdict = decide(part, smallest, status)
+            if status == CONVERGED:
+                after, passed = _forces(scene, march, work), past.copy()
+                remembered, loss, held = end_friction(scene, trial, slip, memory, inner)
+                energy = inner.terms.sum() + held
+                loss, step_work, unbalanced = account(
+                    scene.load, march, (force, after, trial - y, passed), energy - stored, loss,
+                    (stored, lost),
+                )  # fmt: skip
+                verdict = decide(part, balanced, NOT_SETTLED if unbalanced else CONVERGED)
+                verdict = ACCEPT if verdict == STOP else verdict
+            if verdict == STOP:
+                return state, status, memory
+            if verdict != ACCEPT:
                 part *= 0.5
-                before, work.linear = y.copy(), None
-                if part < smallest:
-                    return state, status
+                work.linear = None
+                before = y.copy() if status != CONVERGED else before
                 continue
-            after, past = inner.gradient + scene.load, trail.past.copy()
-            energy = inner.terms.sum()
-            step_work = energy - stored
-            moved = np.zeros_like(y)
-            moved[driven] = (trial - y)[driven]
-            # What is free moves under dead loads only, whose work is exact.
-            held = scene.load[march.free] @ (trial - y)[march.free]
-            if march.friction == 0.0:
-                loss = set_free(force @ moved, after @ moved, step_work - held, stored)
-                if part > smallest_balanced and loss > 0.0:
-                    part *= 0.5
-                    work.linear = None
-                    continue
-                step_work += loss
-            else:
-                gain = step_work + loss
-                step_work = held + work_of_increment(force, after, moved, past)
-                # Where the force bends sharply, as where yarns start to slip, it is followed closely.
-                most = BALANCED * abs(step_work) + WHOLE_BALANCED * abs(done + step_work)
-                if part > smallest_balanced and abs(step_work - gain) > most:
-                    part *= 0.5
-                    work.linear = None
-                    continue
-            done, stored, lost = done + step_work, energy, lost + loss
-            trail.past[:], force[:] = past, after
+            done, lost, stored, memory = done + step_work, lost + loss, energy, remembered
+            past[:], force[:] = passed, after
             before = y.copy()
             y[:] = trial
+            increments += 1
             left = left - part if left - part > 1e-9 else 0.0
         trail.y[state], trail.force[state] = y, force
         row = trail.states[state]
-        row.terms[:] = inner.terms
+        row.terms[:3], row.terms[3] = inner.terms, stored - inner.terms.sum()
         row.closest, row.residual = math.sqrt(inner.closest[0]), residual
         row.work, row.lost = done, lost
-        row.iterations, row.status = iterations, REACHED
-    return len(targets), REACHED
+        row.iterations, row.increments, row.status = iterations, increments, REACHED
+    return len(targets), REACHED, memory

@@ -1,0 +1,226 @@
+"""Friction of a scene over a load step: begun, lagged, added to the energy, ended (compiled).
+
+Chooses by the types of the scene what there is: between yarns, flat or bent; on rigid cylinders; within
+the yarn.
+"""
+
+import math
+
+from knitsim.equilibrium.kernels.contact import law_at, separation
+from knitsim.equilibrium.kernels.curved import gaps_at
+from knitsim.equilibrium.kernels.curved_friction import add_bent_friction, vector_at
+from knitsim.equilibrium.kernels.fixtures import add_point, from_axis, scatter_point
+from knitsim.equilibrium.kernels.friction import (
+    MEMORY,
+    RUB,
+    Memory,
+    Slip,
+    across,
+    add_flat_friction,
+    begin,
+    end,
+    recall,
+    slip_matrix,
+    spring_at,
+    turn,
+)
+from knitsim.equilibrium.kernels.lag import add_lags, begin_lags, end_lags
+from knitsim.equilibrium.kernels.pairs import curvature_at, expand, place_points
+from knitsim.jit import blank, choose, njit
+
+
+@njit
+def _flat_vector(scene, lattice, pair, work):
+    return separation(scene.touch, work.points, lattice, pair)
+
+
+@njit
+def _bent_vector(scene, lattice, pair, work):
+    return vector_at(gaps_at(scene, work.points, lattice, pair), curvature_at(scene, lattice))
+
+
+vector_of = choose("scene.bend", _bent_vector, _flat_vector)
+add_pairs = choose("scene.bend", add_bent_friction, add_flat_friction)
+
+
+@njit
+def _no_lags(scene, lattice, lags, order, work):
+    return 0.0
+
+
+add_lagging = choose("lags", add_lags, _no_lags)
+
+
+@njit
+def limit_of(square, weight, law, friction):
+    """Coulomb's limit (N) at a squared distance (m2)."""
+    _, v1, _ = law_at(square, law)
+    return -2.0 * math.sqrt(square) * v1 * weight * friction
+
+
+@njit
+def _no_wraps(scene, slip, rub, work, first):
+    return 0.0, 0.0
+
+
+@njit
+def _lag_wraps(scene, slip, rub, work, first):
+    """Normals and limits on the cylinders; first: at the start of the step."""
+    changed = whole = 0.0
+    cylinders, points = scene.fixtures.cylinders, work.points
+    for c in range(cylinders.size):
+        for i in range(points.shape[0]):
+            wrap, length = slip.wraps[c, i], scene.touch.points[i].length
+            place = (points[i, 0], points[i, 1], points[i, 2])
+            d = from_axis(cylinders, c, points, i)
+            square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+            limit = limit_of(square, length, cylinders[c].law, rub.friction)
+            if first:
+                begin(wrap, d, place, limit, cylinders[c].shell * length)
+            else:
+                change, force = turn(wrap, d, place, limit)
+                changed += change
+                whole += force
+    return changed, whole
+
+
+@njit
+def _add_wraps(scene, slip, order, work):
+    """Potential of friction on the cylinders (J)."""
+    energy, points = 0.0, work.points
+    for c in range(slip.wraps.shape[0]):
+        for i in range(points.shape[0]):
+            rub = slip.wraps[c, i]
+            if rub.limit == 0.0:
+                continue
+            place = (points[i, 0], points[i, 1], points[i, 2])
+            u, size = across(place, rub.anchor, rub.normal)
+            v, f, bend = spring_at(size, rub.stiffness, rub.limit)
+            energy += v
+            if order == 0:
+                continue
+            scatter_point(scene.touch, i, (f * u[0], f * u[1], f * u[2]), work.expanded)
+            if order == 2:
+                bend = bend / (size * size) if bend != 0.0 else 0.0
+                add_point(scene.touch, i, slip_matrix(f, bend, rub.normal, u), work.half)
+    return energy
+
+
+@njit
+def _end_wraps(scene, slip, memory, work):
+    """Energy lost and held (J) on the cylinders; fills memory (cylinders, points)."""
+    lost = held = 0.0
+    for c in range(memory.shape[0]):
+        for i in range(memory.shape[1]):
+            place = (work.points[i, 0], work.points[i, 1], work.points[i, 2])
+            gone, kept = end(slip.wraps[c, i], place, memory[c, i])
+            lost += gone
+            held += kept
+    return lost, held
+
+
+@njit
+def _no_end(scene, slip, memory, work):
+    return 0.0, 0.0
+
+
+@njit
+def _no_add(scene, slip, order, work):
+    return 0.0
+
+
+lag_wraps = choose("scene.fixtures", _lag_wraps, _no_wraps)
+add_wraps = choose("scene.fixtures", _add_wraps, _no_add)
+end_wraps = choose("scene.fixtures", _end_wraps, _no_end)
+
+
+@njit
+def _without_couple(scene, lattice, couple, memory, work):
+    return ()
+
+
+@njit
+def _without_lags(scene, lattice, lags, work):
+    return (), 0.0, 0.0
+
+
+begin_lagging = choose("couple", begin_lags, _without_couple)
+end_lagging = choose("lags", end_lags, _without_lags)
+
+
+@njit
+def begin_slip(scene, y, listed, rub, memory, work):
+    """The :class:`Slip` of a load step that starts at y with what is remembered there."""
+    lattice = expand(scene.map, y, work.x)
+    place_points(scene.touch, work.x, work.points)
+    rubs = blank(listed.weight.size, RUB)
+    for j in range(rubs.size):
+        for axis in range(3):
+            rubs[j].pair[axis] = listed.pairs[j, axis]
+    recall(rubs, memory.pairs)
+    for j in range(rubs.size):
+        pair = (rubs[j].pair[0], rubs[j].pair[1], rubs[j].pair[2])
+        d = vector_of(scene, lattice, pair, work)
+        square, weight = d[0] * d[0] + d[1] * d[1] + d[2] * d[2], listed.weight[j]
+        limit = limit_of(square, weight, scene.law, rub.friction)
+        begin(rubs[j], d, d, limit, rub.shell * weight)
+    wraps = blank(memory.wraps.shape, RUB)
+    for c in range(wraps.shape[0]):
+        for i in range(wraps.shape[1]):
+            for axis in range(3):
+                wraps[c, i].held[axis] = memory.wraps[c, i].held[axis]
+                wraps[c, i].facing[axis] = memory.wraps[c, i].facing[axis]
+    slip = Slip(rubs, wraps, begin_lagging(scene, lattice, rub.couple, memory.lags, work))
+    lag_wraps(scene, slip, rub, work, True)
+    return slip
+
+
+@njit
+def lag_slip(scene, y, slip, rub, work):
+    """Take normals and limits anew at y; returns how much of the friction force that changes (1)."""
+    lattice = expand(scene.map, y, work.x)
+    place_points(scene.touch, work.x, work.points)
+    changed = whole = 0.0
+    for j in range(slip.pairs.size):
+        place = slip.pairs[j]
+        d = vector_of(scene, lattice, (place.pair[0], place.pair[1], place.pair[2]), work)
+        square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+        limit = limit_of(square, place.stiffness / rub.shell, scene.law, rub.friction)
+        if limit == 0.0 and place.limit == 0.0:
+            continue
+        change, force = turn(place, d, d, limit)
+        changed += change
+        whole += force
+    change, force = lag_wraps(scene, slip, rub, work, False)
+    changed, whole = changed + change, whole + force
+    return changed / whole if whole > 0.0 else 0.0
+
+
+@njit
+def add_friction(scene, lattice, slip, order, work):
+    """Potential (J) of all friction; order as in ``add_flat_contact``."""
+    energy = add_pairs(scene, lattice, slip, order, work)
+    energy += add_wraps(scene, slip, order, work)
+    return energy + add_lagging(scene, lattice, slip.lags, order, work)
+
+
+@njit
+def end_slip(scene, y, slip, work):
+    """The :class:`Memory` after a step that ends at y, energy lost in it, energy held in the springs (J)."""
+    lattice = expand(scene.map, y, work.x)
+    place_points(scene.touch, work.x, work.points)
+    kept = blank(slip.pairs.size, MEMORY)
+    count, lost, held = 0, 0.0, 0.0
+    for j in range(slip.pairs.size):
+        place = slip.pairs[j]
+        if place.limit == 0.0 and place.before == 0.0:
+            continue
+        d = vector_of(scene, lattice, (place.pair[0], place.pair[1], place.pair[2]), work)
+        gone, stuck = end(place, d, kept[count])
+        lost += gone
+        held += stuck
+        count += stuck > 0.0
+    wraps = blank(slip.wraps.shape, MEMORY)
+    gone, stuck = end_wraps(scene, slip, wraps, work)
+    lags, rubbed, lagging = end_lagging(scene, lattice, slip.lags, work)
+    return Memory(kept[:count].copy(), wraps, lags), lost + gone + rubbed, held + stuck + lagging

@@ -1,0 +1,177 @@
+"""A test under way: from one asked value, or force, to the next, keeping what was asked for."""
+
+import numpy as np
+
+from knitsim.equilibrium.kernels.accept import REACHED
+from knitsim.equilibrium.kernels.follow import March, Standing, new_trail
+from knitsim.equilibrium.relax import REASONS
+from knitsim.equilibrium.result import LOADING, RECOVERY
+from knitsim.equilibrium.solve import follow, gradient_at
+
+FORCE_TOLERANCE = 1e-6  # relative, where a force is asked for
+_STATES = ("closest", "residual", "work", "lost", "iterations", "increments")
+
+
+class Walk:
+    """The current state of a test and the rows so far.
+
+    start: unknowns at the start, in equilibrium; memory: of friction there, None for none.  free:
+    lattice entries that equilibrium decides; driven: unknowns that are prescribed; over: for each the
+    unknown that it is divided by in what is asked for, or -1.  largest: largest change of what is asked
+    for in one increment; exact, widest: as in :class:`.kernels.follow.March`.  told: function of an asked
+    row that says it in words.
+    """
+
+    def __init__(
+        self, model, scene, start, *, free, driven, largest, told, over=None, exact=0.0,
+        widest=np.inf, memory=None,
+    ):  # fmt: skip
+        self.model, self.scene, self.told = model, scene, told
+        self.rub = model.rub
+        over = [-1] * len(driven) if over is None else over
+        self.march = March(
+            model.free(*free), np.array(driven), np.array(over), float(largest), float(exact),
+            float(widest), model.trace, model.expected, model.control,
+        )  # fmt: skip
+        force = gradient_at(model, scene, start)[0] + scene.load
+        memory = model.virgin if memory is None else memory
+        self.here = Standing(start.copy(), force, np.zeros(start.size + 1), memory)
+        self.work = self.lost = 0.0
+        self.rows, self.labels = [], []
+        self.segment, self.reason = -1, ""
+
+    @property
+    def y(self):
+        return self.here.y
+
+    @property
+    def force(self):
+        return self.here.force
+
+    def _go(self, targets):
+        """Follow targets from the current state without moving on: trail, where it ends, reached, status."""
+        here = Standing(*(part.copy() for part in self.here[:3]), self.here.memory)
+        trail = new_trail(len(targets), here.y.size)
+        targets = np.ascontiguousarray(targets, dtype=float)
+        reached, status, memory = follow(
+            self.model, self.scene, here, targets, self.march, self.rub, trail
+        )
+        return trail, here._replace(memory=memory), reached, status
+
+    def _keep(self, trail, there, count, phase, cycle):
+        """Append the first ``count`` rows of a trail and move on to where it ends."""
+        for i in range(count):
+            row = trail.states[i]
+            state = {name: row[name] for name in _STATES}
+            state["work"] += self.work
+            state["lost"] += self.lost
+            self.rows.append((trail.y[i], trail.force[i], row.terms.copy(), state))
+            self.labels.append((phase, cycle, self.segment))
+        if count:
+            self.here = there
+            self.work += trail.states.work[count - 1]
+            self.lost += trail.states.lost[count - 1]
+
+    def _stop(self, status, target):
+        self.reason = f"{REASONS[status]}; stopped before {self.told(target)}"
+
+    def forward(self, targets, phase=LOADING, cycle=1, top=None):
+        """Go through targets, or up to the force ``top`` (N per cell) on the driven unknown.
+
+        Whether it got there: True where all was reached.
+        """
+        self.segment += 1
+        if top is None:
+            trail, there, reached, status = self._go(targets)
+            self._keep(trail, there, reached, phase, cycle)
+            if status != REACHED:
+                self._stop(status, targets[reached])
+            return status == REACHED
+        for target in targets:
+            trail, there, _, status = self._go(target[None])
+            if status != REACHED:
+                self._stop(status, target)
+                return False
+            if trail.force[0, self.march.driven[0]] >= top:
+                return self._to_force(top, trail, there, phase, cycle)
+            self._keep(trail, there, 1, phase, cycle)
+        self.reason = "the last strain was reached before the force that was asked for"
+        return True
+
+    def back(self, targets, cycle=1):
+        """Go back through targets until the force is zero, where it says why not if it never is."""
+        self.segment += 1
+        at = self.march.driven[0]
+        zero = FORCE_TOLERANCE * max((abs(row[1][at]) for row in self.rows), default=0.0)
+        for target in targets:
+            trail, there, _, status = self._go(target[None])
+            if status != REACHED:
+                self._stop(status, target)
+                return False
+            force = trail.force[0, at]
+            if force < -zero:
+                return self._to_force(0.0, trail, there, RECOVERY, cycle)
+            self._keep(trail, there, 1, RECOVERY, cycle)
+            if force <= zero:
+                return True
+        self.reason = "shortened to the end of the way back, the fabric is still under tension"
+        return False
+
+    def _to_force(self, wanted, trail, there, phase, cycle):
+        """The state at a force between the current one and that of ``trail`` (regula falsi)."""
+        i = self.march.driven[0]
+        a, fa = self.y[i], self.force[i] - wanted
+        b, fb = trail.y[0, i], trail.force[0, i] - wanted
+        scale = max(abs(self.force[i]), abs(trail.force[0, i]), abs(wanted))
+        for _ in range(40):
+            if abs(fb) <= FORCE_TOLERANCE * scale:
+                break
+            if fa * fb > 0.0:
+                # Already there at the start of the step.
+                return True
+            middle = b - fb * (b - a) / (fb - fa)
+            trail, there, _, status = self._go(np.array([[middle]]))
+            if status != REACHED:
+                self._stop(status, [middle])
+                return False
+            f = trail.force[0, i] - wanted
+            if abs(f) <= FORCE_TOLERANCE * scale:
+                break
+            # Illinois: halve the weight of an end that stays.
+            if f * fb < 0.0:
+                a, fa = b, fb
+            else:
+                fa *= 0.5
+            b, fb = middle, f
+        self._keep(trail, there, 1, phase, cycle)
+        return True
+
+    def states(self):
+        """The rows as what :class:`.result.States` takes, and the forces by all unknowns (steps, unknowns).
+
+        Energies, work and losses are per loop.
+        """
+        loops, steps = self.model.loops, len(self.rows)
+        size = self.here.y.size
+        y = np.array([row[0] for row in self.rows]).reshape(steps, size)
+        force = np.array([row[1] for row in self.rows]).reshape(steps, size)
+        column = {name: np.array([row[3][name] for row in self.rows]) for name in _STATES}
+        labels = np.array(self.labels, dtype=np.int64).reshape(steps, 3)
+        closest = column["closest"] / self.model.fabric.diameter
+        return dict(
+            model=self.model,
+            phase=labels[:, 0],
+            cycle=labels[:, 1],
+            segment=labels[:, 2],
+            energy=np.array([row[2] for row in self.rows]).reshape(steps, 4) / loops,
+            work=column["work"] / loops,
+            dissipated=column["lost"] / loops,
+            min_distance=np.where(np.isfinite(closest), closest, np.nan),
+            residual=column["residual"],
+            iterations=column["iterations"],
+            increments=column["increments"],
+            y=y,
+            memory=self.here.memory,
+            stop_reason=self.reason,
+            numerical_error=np.full(steps, np.nan),
+        ), force
