@@ -1,13 +1,15 @@
-"""The repeating cell of a plain knit: which control points are unknown, and where the images lie.
+"""The repeating cell of a knit: which control points are unknown, and where the images lie.
 
-A loop starts in the middle of its sinker arc (parameter 0), its head is at n/2, the next loop starts
-at n.  Courses are numbered upwards, a course lies c above the one before.
+A loop starts in the middle of its sinker arc, its head is half a loop further, the next loop starts
+where it ends.  Courses are numbered upwards, a course lies a2 above the one before.  A place on the yarn
+of a course is given by u, counted in loops; control point k of a course stands at u = k/points.
 
-Symmetry of a plain loop: the mirror x -> -x about the sinker arc (u -> -u), and the half turn about
-the thickness axis through the middle of a leg (u -> n/2 - u, x -> a1/2 - x, y -> -y).  Both together
-leave a quarter, from the sinker arc to the middle of a leg.
+The symmetries of the pattern leave a part of the yarns, from which all the rest follows: for plain knit
+a quarter of a loop, from the sinker arc to the middle of a leg.  The same code without symmetries gives
+whole loops, and the other way round the latter prove the former.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,142 +26,248 @@ from knitsim.equilibrium.kernels.records import (
     Touch,
     records,
 )
+from knitsim.equilibrium.pattern import Pattern
 
-REACH = 2  # images this many wales and courses away can touch
+# Images this many wales and courses away can touch: where stitches differ a fabric may fold.
+REACH, REACH_FOLDED = (2, 2), (4, 3)
+# Which symmetries a test leaves: those that a bent fabric has, whose face and back differ, and those of
+# a sheared one, whose cell is no rectangle.
+KEPT = {
+    "all": lambda one: True,
+    "bent": lambda one: one.sign[2] > 0,
+    "sheared": lambda one: one.sign[0] == one.sign[1],
+    "none": lambda one: one.sign == (1, 1, 1) and one.along == one.up == 0,
+}
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A run of spans of a yarn that is solved for: course, first control point, spans."""
+
+    course: int
+    first: int
+    spans: int
 
 
 @dataclass(frozen=True, eq=False)
 class Cell:
     """Layout of a cell: which number is which.
 
-    kind: "quarter" or "full"; points, contacts: control and contact points per loop; wales, courses:
-    loops in the cell (1 for the quarter).  rows: for every control point of every chain, three dicts
-    column -> value, the lattice at columns from count on.  chain (yarns): first control point
-    of each chain; spans: spans of a chain; origin: parameter u of control point 1 of a chain;
-    copies: how often the cell's energy counts for all its loops.
+    pattern; points, contacts: control and contact points per loop; wales, courses: loops in the cell;
+    symmetries: operations of the pattern that are used.  pieces: of the yarns that are solved for, chain:
+    first control point of each in the kernels' list.  count: unknowns q, the lattice follows; where
+    (count, 3): course, control point and axis of each.  map: to the control points of the pieces;
+    whole: to those of all loops, (courses, wales points) in order.
     """
 
-    kind: str
+    pattern: Pattern
     points: int
     contacts: int
     wales: int
     courses: int
-    count: int
-    map: Map
-    slot: np.ndarray
+    symmetries: tuple
+    pieces: tuple
     chain: np.ndarray
-    spans: int
-    copies: float
+    count: int
+    where: np.ndarray
+    map: Map
+    whole: Map
+
+    @property
+    def copies(self):
+        """How often the energy of the pieces counts for that of the cell."""
+        return float(len(self.symmetries))
+
+    @property
+    def symmetric(self):
+        return len(self.symmetries) > 1
+
+    @property
+    def spans(self):
+        """Spans of the yarn of a course in the cell."""
+        return self.wales * self.points
 
 
-def quarter(points, contacts):
-    """A quarter of one symmetric loop; points and contacts: per loop, multiples of 4."""
-    m = points // 4
-    number = iter(range(3 * (m + 1)))
-    # Sinker arc: x = 0.  Middle of the leg: x = a1/4, y = 0.  The mean thickness is zero.
-    middle = m // 2
-    slot = np.full((m + 1, 3), -1, dtype=np.int64)
-    for k in range(m + 1):
-        for axis in range(3):
-            fixed = (axis == 0 and k in (0, m)) or (axis == 1 and k == m)
-            if not (fixed or (axis == 2 and k == middle)):
-                slot[k, axis] = next(number)
-    count = slot.max() + 1
-    a1 = count
-    rows = [[{} if s < 0 else {s: 1.0} for s in row] for row in slot]
-    rows[m][0] = {a1: 0.25}
-    share = [1.0] + [2.0] * (m - 1) + [1.0]
-    rows[middle][2] = _combine(
-        (-share[k] / share[middle], rows[k][2]) for k in range(m + 1) if k != middle
-    )
-    before = [_combine([(-1.0, rows[1][0])]), rows[1][1], rows[1][2]]
-    after = [
-        _combine([(0.5, {a1: 1.0}), (-1.0, rows[m - 1][0])]),
-        _combine([(-1.0, rows[m - 1][1])]),
-        rows[m - 1][2],
-    ]
-    table = [before, *rows, after]
-    return Cell(
-        "quarter",
-        points,
-        contacts,
-        1,
-        1,
-        count,
-        to_map(table, count),
-        slot,
-        np.array([0]),
-        m,
-        4.0,
-    )
+def cell_of(pattern, points, contacts, kept="all", wales=1, courses=1):
+    """The :class:`Cell` of ``wales`` by ``courses`` periods of a pattern.
 
-
-def full(points, contacts, wales=1, courses=1):
-    """``wales`` by ``courses`` whole loops without symmetry.
-
-    Rigid translation and the sliding of each yarn along itself cost nothing and are taken out: the
-    middle of the first sinker arc stays at x = 0, the left leg of the first loop at y = 0 in its
-    middle, the mean thickness of that loop at zero; and in each yarn the middles of the two legs of
-    the first loop lie at the same height.  (Sliding raises one and lowers the other.  A condition on x
-    would not do: sinker arc and head run the same way, so that sliding moves both as a translation
-    does.)  Points cut from a yarn feel a little of the sliding; the condition then takes a force, zero
-    in the symmetric state.
+    kept: a name of KEPT.  points and contacts: per loop, multiples of 4.  More than one period has no
+    symmetry.
     """
-    n = points * wales
-    slot = np.full((courses * n, 3), -1, dtype=np.int64)
-    left, right = points // 4, 3 * points // 4
-    pinned = {(0, 0), (left, 1), (left, 2)} | {(j * n + right, 1) for j in range(courses)}
-    number = iter(range(3 * courses * n))
-    for k in range(courses * n):
-        for axis in range(3):
-            if (k, axis) not in pinned:
-                slot[k, axis] = next(number)
-    count = slot.max() + 1
-    a1 = (count, count + 1)
-    rows = [[{} if s < 0 else {s: 1.0} for s in row] for row in slot]
-    for j in range(courses):
-        rows[j * n + right][1] = rows[j * n + left][1]
-    rows[left][2] = _combine((-1.0, rows[k][2]) for k in range(points) if k != left)
-    table = []
-    for j in range(courses):
-        own = rows[j * n : (j + 1) * n]
-        for k in range(-1, n + 2):
-            turns, place = divmod(k, n)
-            step = float(turns * wales)
-            table.append(
-                [
-                    _combine([(1.0, own[place][0]), (step, {a1[0]: 1.0})]),
-                    _combine([(1.0, own[place][1]), (step, {a1[1]: 1.0})]),
-                    own[place][2],
-                ]
-            )
+    kept = "none" if wales * courses > 1 else kept
+    symmetries = tuple(one for one in pattern.symmetries() if KEPT[kept](one))
+    wales, courses = wales * pattern.wales, courses * pattern.courses
+    layout = _Layout(pattern, points, wales, courses, symmetries)
+    pieces = layout.pieces()
+    where, rows = layout.rows(pieces)
+    count = len(where)
+    column = {name: i for i, name in enumerate(where)}
+    column |= {("L", i): count + i for i in range(LATTICE)}
+
+    def map_of(places):
+        coordinates = [row for place in places for row in layout.at(rows, *place)]
+        return to_map([{column[n]: v for n, v in row.items()} for row in coordinates], count)
+
+    chains = [
+        [(piece.course, k) for k in range(piece.first - 1, piece.first + piece.spans + 2)]
+        for piece in pieces
+    ]
+    chain = np.cumsum([0, *map(len, chains)])[:-1]
+    whole = [(j, k) for j in range(courses) for k in range(wales * points)]
     return Cell(
-        "full",
-        points,
-        contacts,
-        wales,
-        courses,
-        count,
-        to_map(table, count),
-        slot,
-        np.arange(courses) * (n + 3),
-        n,
-        1.0,
-    )
+        pattern, points, contacts, wales, courses, symmetries, pieces, chain, count,
+        np.array(where).reshape(-1, 3), map_of(place for own in chains for place in own),
+        map_of(whole),
+    )  # fmt: skip
 
 
-def _combine(terms):
-    """Sum of (factor, row), rows as dicts column -> value."""
+class _Layout:
+    """Control points of a cell and how the symmetries carry them into each other.
+
+    A coordinate is a dict: of unknowns (course, control point, axis) and of lattice entries ("L", i).
+    """
+
+    def __init__(self, pattern, points, wales, courses, symmetries):
+        self.pattern, self.points = pattern, points
+        self.wales, self.courses = wales, courses
+        self.symmetries = symmetries
+
+    def image(self, one, course, k):
+        """Course and control point that one is carried to, within the cell, and loops and courses beyond."""
+        course = one.sign[1] * course + one.up
+        k = one.sign[0] * k + round(one.along * self.points)
+        up, course = divmod(course, self.courses)
+        along, k = divmod(k, self.wales * self.points)
+        return course, k, along * self.wales, up * self.courses
+
+    def pieces(self):
+        """Runs of legs, or half legs where one is symmetric in itself, out of which all others follow."""
+        seen, found = set(), []
+        for course in range(self.courses):
+            for leg in range(2 * self.wales):
+                if (course, leg) in seen:
+                    continue
+                turned = False
+                for one in self.symmetries:
+                    # By its middle, a quarter of a loop from either end.
+                    middle = (2 * leg + 1) * self.points // 4
+                    there, k, *_ = self.image(one, course, middle)
+                    seen.add((there, 2 * k // self.points))
+                    turned |= (there, k) == (course, middle) and one.sign[0] < 0
+                spans = self.points // (4 if turned else 2)
+                first = leg * self.points // 2
+                last = found[-1] if found else Piece(-1, 0, 0)
+                if last.course == course and last.first + last.spans == first:
+                    found[-1] = Piece(course, last.first, last.spans + spans)
+                else:
+                    found.append(Piece(course, first, spans))
+        return tuple(found)
+
+    def rows(self, pieces):
+        """Unknowns, and the coordinates of all control points: {(course, k): [x, y, z]}."""
+        rows = {}
+        for piece in pieces:
+            for k in range(piece.first, piece.first + piece.spans + 1):
+                k %= self.wales * self.points
+                if (piece.course, k) not in rows:
+                    self._spread(rows, piece.course, k)
+        for (course, k, axis), terms in self._gauge(rows, pieces).items():
+            _substitute(rows, (course, k, axis), terms)
+        used = dict.fromkeys(
+            key for row in rows.values() for x in row for key in x if key[0] != "L"
+        )
+        return list(used), rows
+
+    def _spread(self, rows, course, k):
+        """Add the coordinates of a control point and of all its images."""
+        own = [{(course, k, axis): 1.0} for axis in range(3)]
+        images = []
+        for one in self.symmetries:
+            there, at, along, up = self.image(one, course, k)
+            # The image in the cell: x -> sign x + (along of the operation less whole periods) a1 + ...
+            shift = _combine([(one.along - along, _A1), (one.up - up, _A2)], 2)
+            if (there, at) == (course, k):
+                for axis in range(3):
+                    if one.sign[axis] < 0:
+                        own[axis] = {c: 0.5 * v for c, v in shift[axis].items()}
+            images.append((one, there, at, shift))
+        for one, there, at, shift in images:
+            rows[there, at] = [
+                _sum([(float(one.sign[axis]), own[axis]), (1.0, shift[axis])]) for axis in range(3)
+            ]
+
+    def _gauge(self, rows, pieces):
+        """What takes out rigid motions and the sliding of yarns that no symmetry takes out: {unknown: terms}.
+
+        The middle of the first sinker arc stays at x = 0, the left leg of the first loop at y = 0 in its
+        middle, the mean thickness at zero; and in each yarn the middles of the two legs of its first loop
+        lie at the same height.  (Sliding raises one and lowers the other.  A condition on x would not do:
+        sinker arc and head run the same way, so that sliding moves both as a translation does.)  Points
+        cut from a yarn feel a little of the sliding; the condition then takes a force, zero where the
+        loop is symmetric.
+        """
+        signs = np.array([one.sign for one in self.symmetries])
+        left, right, first = self.points // 4, 3 * self.points // 4, pieces[0].course
+        held = {}
+        if (signs[:, 0] > 0).all():
+            held[first, pieces[0].first, 0] = {}
+        if (signs[:, 1] > 0).all():
+            held[first, left, 1] = {}
+        if not any(one.sign[0] < 0 for one in self.symmetries):
+            for course in dict.fromkeys(piece.course for piece in pieces):
+                own = rows[course, right][1]
+                if (course, right, 1) in own:
+                    held[course, right, 1] = {(course, left, 1): 1.0}
+            if (first, left, 1) in held:
+                held[first, right, 1] = {}
+        if (signs[:, 2] > 0).all():
+            mean = _sum((1.0, row[2]) for row in rows.values())
+            pinned = min(mean, key=lambda name: (name[0], abs(name[1] - left)))
+            share = mean.pop(pinned)
+            held[pinned] = {name: -value / share for name, value in mean.items()}
+        return held
+
+    def at(self, rows, course, k):
+        """Coordinates of control point k of a course, also beyond the cell."""
+        turns, k = divmod(k, self.wales * self.points)
+        step = _combine([(turns * self.wales, _A1)], 2)
+        return [_sum([(1.0, rows[course, k][axis]), (1.0, step[axis])]) for axis in range(3)]
+
+
+_A1, _A2 = (0, 1), (2, 3)  # entries of L: along course and wale
+
+
+def _combine(steps, axes):
+    """Coordinates (3) of a sum of factors times lattice vectors."""
+    found = [{} for _ in range(3)]
+    for factor, vector in steps:
+        for axis in range(axes):
+            if factor:
+                found[axis]["L", vector[axis]] = float(factor)
+    return found
+
+
+def _sum(terms):
+    """Sum of (factor, dict)."""
     total = {}
     for factor, row in terms:
-        for column, value in row.items():
-            total[column] = total.get(column, 0.0) + factor * value
-    return {c: v for c, v in total.items() if v != 0.0}
+        for key, value in row.items():
+            total[key] = total.get(key, 0.0) + factor * value
+    return {key: value for key, value in total.items() if value != 0.0}
 
 
-def to_map(table, count):
-    rows = [row for point in table for row in point]
-    rows += [{count + i: 1.0} for i in range(LATTICE)]
+def _substitute(rows, key, terms):
+    """Replace an unknown by a combination of others in all rows."""
+    for row in rows.values():
+        for axis in range(3):
+            if key in row[axis]:
+                factor = row[axis].pop(key)
+                row[axis] = _sum([(1.0, row[axis]), (factor, terms)])
+
+
+def to_map(rows, count):
+    """The Map of rows, dicts column -> value, and of the lattice, which stands from ``count`` on."""
+    rows = [*rows, *({count + i: 1.0} for i in range(LATTICE))]
     start = np.concatenate([[0], np.cumsum([len(r) for r in rows])]).astype(np.int64)
     column = np.array([c for r in rows for c in r], dtype=np.int64)
     value = np.array([v for r in rows for v in r.values()], dtype=float)
@@ -169,19 +277,44 @@ def to_map(table, count):
     )
 
 
-def _along(cell, per_span):
-    """First control point, place in the span and parameter u of samples at ``per_span`` (places)."""
-    spans = np.tile(np.arange(cell.spans), len(cell.chain))
-    first = np.repeat(spans + np.repeat(cell.chain, cell.spans), len(per_span))
-    place = np.tile(per_span, len(spans))
-    return first, place, np.repeat(spans, len(per_span)) + place
+def owners(map_):
+    """For every entry of a map the number of its row."""
+    return np.repeat(np.arange(len(map_.rows)), map_.rows.stop - map_.rows.start)
 
 
-def rod_of(cell, loop_length, bending_rigidity):
-    """Gauss points of the cell's yarns (no rest curvature)."""
-    first, place, _ = _along(cell, spline.GAUSS_POINTS)
-    span = loop_length / cell.points
-    weight = np.tile(spline.GAUSS_WEIGHTS, len(first) // 3) * span * cell.copies
+def placed(map_, y):
+    """Control points of a map at y, (m, 3)."""
+    rows, entries = map_
+    x = np.bincount(owners(map_), entries.value * y[entries.column], minlength=len(rows))
+    return (x + rows.offset)[:-LATTICE].reshape(-1, 3)
+
+
+def loops_of(cell, y):
+    """Control points of all loops of the cell at y, (courses, wales points, 3)."""
+    return placed(cell.whole, y).reshape(cell.courses, -1, 3)
+
+
+def pack(cell, loops, lattice):
+    """Unknowns y of a cell.
+
+    loops: control points of all its loops, (courses, wales points, 3), with the symmetry of the cell;
+    lattice (4 or 5,): L, the angle zero where it is left out.
+    """
+    y = np.zeros(cell.count + LATTICE)
+    y[: cell.count] = loops[tuple(cell.where.T)]
+    y[cell.count : cell.count + len(lattice)] = lattice
+    return y
+
+
+def rod_of(cell, lengths, bending_rigidity):
+    """Gauss points of the cell's yarns (no rest curvature); lengths (courses,): of a loop in each (m)."""
+    first = np.concatenate(
+        [np.arange(p.spans) + s for p, s in zip(cell.pieces, cell.chain, strict=True)]
+    )
+    span = np.concatenate([np.full(p.spans, lengths[p.course]) for p in cell.pieces]) / cell.points
+    first, span = np.repeat(first, 3), np.repeat(span, 3)
+    place = np.tile(spline.GAUSS_POINTS, len(first) // 3)
+    weights = np.tile(spline.GAUSS_WEIGHTS, len(first) // 3)
     return records(
         ROD,
         len(first),
@@ -190,136 +323,98 @@ def rod_of(cell, loop_length, bending_rigidity):
         d1=spline.basis_first(place),
         d2=spline.basis_second(place),
         span=span,
-        weight=weight,
+        weight=weights * span * cell.copies,
         stiffness=bending_rigidity,
     )
 
 
-def touch_of(cell, loop_length, exclude):
-    """Contact points of the cell's yarns and the operations that make the images."""
-    per_yarn = cell.spans * cell.contacts // cell.points
-    u = (np.arange(per_yarn) + 0.5) * cell.points / cell.contacts
-    span, place = spline.split(u, cell.spans)
-    yarns = len(cell.chain)
-    per_u = loop_length / cell.points
-    sign, steps, arc_sign, arc_shift = [], [], [], []
+def touch_of(cell, lengths, exclude):
+    """Contact points of the cell's yarns and the operations that make the images; lengths as in rod_of.
 
-    def add(s, m1, m2, along, shift):
-        sign.append((s[0], s[1], 1.0))
-        steps.append((m1, m2))
-        arc_sign.append(along)
-        arc_shift.append(shift * loop_length)
+    Arcs are counted in loops of the mean length, in which courses differ little.
+    """
+    first, place, course, arc, length = [], [], [], [], []
+    loop_length = float(np.mean(lengths))
+    for one, start in zip(cell.pieces, cell.chain, strict=True):
+        count = one.spans * cell.contacts // cell.points
+        u = (np.arange(count) + 0.5) * cell.points / cell.contacts
+        span, at = spline.split(u, one.spans)
+        first.append(start + span)
+        place.append(at)
+        course.append(np.full(count, one.course))
+        arc.append((one.first + u) * loop_length / cell.points)
+        length.append(np.full(count, lengths[one.course] / cell.contacts))
+    points = records(
+        TOUCH_POINT,
+        sum(map(len, first)),
+        first=np.concatenate(first),
+        yarn=np.concatenate(course),
+        basis=spline.basis(np.concatenate(place)),
+        length=np.concatenate(length),
+        arc=np.concatenate(arc),
+    )
+    images = images_of(cell, loop_length)
+    return Touch(points, images, cell.copies, float(exclude), float(np.abs(images.steps).max()))
 
-    wide = -(-REACH // cell.wales)
-    high = -(-REACH // cell.courses)
-    for j2 in range(-high, high + 1):
-        for j1 in range(-wide, wide + 1):
-            m1, m2 = float(j1 * cell.wales), float(j2 * cell.courses)
-            add((1.0, 1.0), m1, m2, 1.0, m1)
-            if cell.kind == "quarter":
-                add((-1.0, 1.0), m1, m2, -1.0, m1)
-                add((-1.0, -1.0), m1 + 0.5, m2, -1.0, m1 + 0.5)
-                add((1.0, -1.0), m1 + 0.5, m2, 1.0, m1 + 0.5)
-                if j1 == wide:
-                    # The glide's inverse lies one step further to the left.
-                    add((1.0, -1.0), -m1 - 0.5, m2, 1.0, -m1 - 0.5)
-    sign, steps = np.array(sign), np.array(steps)
+
+def images_of(cell, loop_length):
+    """Every operation that carries the pieces to a place that they can touch (IMAGE)."""
+    reach = REACH if cell.pattern.uniform else REACH_FOLDED
+    found = []
+    for one in cell.symmetries:
+        wide = _periods(one.along, cell.wales, reach[0])
+        high = _periods(one.up, cell.courses, reach[1])
+        found += [(one, one.along + a, one.up + b) for b in high for a in wide]
+    sign = np.array([one.sign for one, *_ in found], dtype=float)
+    steps = np.array([[along, up] for _, along, up in found], dtype=float)
     # x -> S x + t has the inverse x -> S x - S t.
     back = -sign[:, :2] * steps
     match = (np.abs(steps[None] - back[:, None]).max(-1) < 1e-9) & (
         np.abs(sign[None] - sign[:, None]).max(-1) < 1e-9
     )
-    inverse = np.where(match.any(1), match.argmax(1), -1)
-    points = records(
-        TOUCH_POINT,
-        yarns * per_yarn,
-        first=(span[None] + cell.chain[:, None]).ravel(),
-        yarn=np.repeat(np.arange(yarns), per_yarn),
-        basis=np.tile(spline.basis(place), (yarns, 1)),
-        length=loop_length / cell.contacts,
-        arc=np.tile(u * per_u, yarns),
-    )
-    images = records(
+    return records(
         IMAGE,
-        len(sign),
+        len(found),
         sign=sign,
         steps=steps,
-        arc_sign=arc_sign,
-        arc_shift=arc_shift,
-        same=steps[:, 1] == 0.0,
-        inverse=inverse,
+        arc_sign=sign[:, 0],
+        arc_shift=steps[:, 0] * loop_length,
+        turn=sign[:, 1],
+        up=steps[:, 1],
+        inverse=match.argmax(1),
     )
-    return Touch(points, images, cell.copies, float(exclude), float(np.abs(steps).max()))
+
+
+def _periods(offset, period, reach):
+    """Whole periods for which offset + periods lies within the reach (half a loop more for halves)."""
+    reach = max(reach, period) + offset % 1
+    least, most = math.ceil((-reach - offset) / period), math.floor((reach - offset) / period)
+    return [period * n for n in range(least, most + 1)]
 
 
 def trace_of(cell, touch):
     """Vertices of the cell's yarns as polylines, half a span apart, with the operations of touch."""
-    u = np.arange(2 * cell.spans + 1) / 2.0
-    span, place = spline.split(u, cell.spans)
-    yarns = len(cell.chain)
+    first, place, course = [], [], []
+    for one, start in zip(cell.pieces, cell.chain, strict=True):
+        span, at = spline.split(np.arange(2 * one.spans + 1) / 2.0, one.spans)
+        first.append(start + span)
+        place.append(at)
+        course.append(np.full(len(at), one.course))
     points = records(
         TOUCH_POINT,
-        yarns * len(u),
-        first=(span[None] + cell.chain[:, None]).ravel(),
-        yarn=np.repeat(np.arange(yarns), len(u)),
-        basis=np.tile(spline.basis(place), (yarns, 1)),
+        sum(map(len, first)),
+        first=np.concatenate(first),
+        yarn=np.concatenate(course),
+        basis=spline.basis(np.concatenate(place)),
     )
     return touch._replace(points=points)
 
 
-# Along one loop from the sinker arc, 2 (courses up) + (1 if above): under, over the course below,
-# over, under the one above at each side of the loop.
-_LEG = [-2, -1, 3, 2]
-
-
 def expected_crossings(cell):
-    """The codes that a plain knit shows along the yarns of the cell."""
-    if cell.kind == "quarter":
-        return np.array(_LEG[:2], dtype=np.int64)
-    return np.array((_LEG + _LEG[::-1]) * cell.wales * cell.courses, dtype=np.int64)
-
-
-def pack(cell, loop, lattice):
-    """Unknowns y of a cell filled with one loop's shape.
-
-    loop: control points (points, 3) of one loop in the cell's origin; lattice (4 or 5,): L, the angle
-    zero where it is left out.
-    """
-    lattice = np.asarray(lattice, dtype=float)
-    y = np.zeros(cell.count + LATTICE)
-    y[cell.count : cell.count + len(lattice)] = lattice
-    if cell.kind == "quarter":
-        all_points = loop[: cell.spans + 1]
-    else:
-        step1 = np.array([lattice[0], lattice[1], 0.0])
-        step2 = np.array([lattice[2], lattice[3], 0.0])
-        all_points = np.concatenate(
-            [loop + i * step1 + j * step2 for j in range(cell.courses) for i in range(cell.wales)]
-        )
-    used = cell.slot >= 0
-    y[cell.slot[used]] = all_points[used]
-    return y
-
-
-def owners(map_):
-    """For every entry of a map the number of its row."""
-    return np.repeat(np.arange(len(map_.rows)), map_.rows.stop - map_.rows.start)
-
-
-def control_points(cell, y):
-    """Control points of all chains at y, (m, 3)."""
-    rows, entries = cell.map
-    x = np.bincount(owners(cell.map), entries.value * y[entries.column], minlength=len(rows))
-    return (x + rows.offset)[:-LATTICE].reshape(-1, 3)
-
-
-def loop_of(cell, y):
-    """Control points (wales courses points, 3) of all loops of the cell at y."""
-    x = control_points(cell, y)
-    if cell.kind == "full":
-        n = cell.spans
-        return np.concatenate([x[s + 1 : s + 1 + n] for s in cell.chain])
-    m, width = cell.spans, y[cell.count]
-    leg = x[1 : m + 2]
-    half = np.concatenate([leg, leg[-2::-1] * [-1, -1, 1] + [0.5 * width, 0, 0]])
-    return np.concatenate([half, half[-2:0:-1] * [-1, 1, 1] + [width, 0, 0]])
+    """The codes that the pattern shows along the pieces of the cell, in order."""
+    codes, half = [], cell.points // 2
+    for one in cell.pieces:
+        for leg in range(one.first // half, (one.first + one.spans - 1) // half + 1):
+            own = cell.pattern.crossings(leg, one.course)
+            codes += own if one.spans >= half else own[: len(own) // 2]
+    return np.array(codes, dtype=np.int64)

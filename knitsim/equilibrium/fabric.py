@@ -6,12 +6,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from knitsim.equilibrium.contact import BarrierContact, ContactLaw
+from knitsim.equilibrium.pattern import Pattern
 from knitsim.errors import InputError
 from knitsim.yarn.law import TensionLaw
 
 LEAST_POINTS = 24
-# Below this ratio of loop length to diameter no plain loop closes without deep compression.
-LEAST_BULK_SOFT, LEAST_BULK_HARD = 7.5, 12.0
+# Loop length over diameter below which nobody has knitted anything, however soft the yarn.  What has no
+# room above that is found by the search for a start.
+LEAST_BULK = 4.0
+JERSEY = Pattern.of("jersey")
 
 
 def _within(where, value, low, high, unit=""):
@@ -21,23 +24,26 @@ def _within(where, value, low, high, unit=""):
 
 @dataclass(frozen=True, eq=False)
 class Fabric:
-    """A plain knit: stated spacings and the yarn in it; all SI.
+    """A weft knit and the yarn in it; all SI.
 
-    wale_spacing, course_spacing: as stated (m), where the search for equilibrium starts;
-    loop_length (m); diameter (m); bending_rigidity (N m2); law: tension of the yarn, taken as
+    wale_spacing, course_spacing: as stated (m), those at which the yarn took its set; None where they
+    are not known, which a fabric without set can do without.  loop_length: of yarn in a stitch, the mean
+    over the cell (m); diameter (m); bending_rigidity (N m2); law: tension of the yarn, taken as
     reversible; contact: compression of the yarn; friction: Coulomb's coefficient between yarns;
-    set_fraction: rest curvature of the yarn as a part of the curvature magnitude of the loop held at
-    the stated spacings (0 straight, 1 fully set); bending_hysteresis: couple by which the yarn's
-    moment lags behind its curvature (N m), half the width of the yarn's own hysteresis loop.  sticking:
-    stiffness of a contact along the yarns before they slide, over that across them where they first
-    touch; stuck_rigidity: how much stiffer the yarn bends before its fibres slide, over its bending
-    rigidity.
+    set_fraction: rest curvature of the yarn as a part of the curvature magnitude of the loop held at the
+    stated spacings (0 straight, 1 fully set); bending_hysteresis: couple by which the yarn's moment lags
+    behind its curvature (N m), half the width of the yarn's own hysteresis loop.  sticking: stiffness
+    of a contact along the yarns before they slide, over that across them where they first touch;
+    stuck_rigidity: how much stiffer the yarn bends before its fibres slide, over its bending rigidity.
+    pattern: of knit and purl; course_lengths: loop length of each course of the pattern over the mean,
+    empty where all are the same (yarn slides from stitch to stitch within a course, so that only the
+    length of a whole course counts).
 
-    Raises InputError for a fabric that cannot exist.
+    Raises InputError for values that make no sense.
     """
 
-    wale_spacing: float
-    course_spacing: float
+    wale_spacing: float | None
+    course_spacing: float | None
     loop_length: float
     diameter: float
     bending_rigidity: float
@@ -48,10 +54,13 @@ class Fabric:
     bending_hysteresis: float = 0.0
     sticking: float = 1.0
     stuck_rigidity: float = 20.0
+    pattern: Pattern = JERSEY
+    course_lengths: tuple = ()
 
     def __post_init__(self):
         for name in ("wale_spacing", "course_spacing", "loop_length", "diameter"):
-            _within(name.replace("_", " "), getattr(self, name), 1e-6, 1.0, " m")
+            if getattr(self, name) is not None or not name.endswith("spacing"):
+                _within(name.replace("_", " "), getattr(self, name), 1e-6, 1.0, " m")
         _within("bending rigidity", self.bending_rigidity, 1e-15, 1e-2, " N m2")
         _within("friction", self.friction, 0.0, 1.0)
         _within("set fraction", self.set_fraction, 0.0, 1.0)
@@ -60,43 +69,28 @@ class Fabric:
         _within("stuck rigidity", self.stuck_rigidity, 1e-3, 1e6)
         if not isinstance(self.law, TensionLaw):
             raise InputError("law", self.law, "must be a TensionLaw")
+        object.__setattr__(self, "pattern", Pattern.of(self.pattern))
+        if self.course_lengths and len(self.course_lengths) != self.pattern.courses:
+            raise InputError(
+                "loop length", self.course_lengths, f"must be one, or one for each of the "
+                f"{self.pattern.courses} courses of the pattern",
+            )  # fmt: skip
         self.contact.check(self.diameter)
-        core = self.contact.core(self.diameter)
-        bulk = self.loop_length / self.diameter
-        least = LEAST_BULK_SOFT if core else LEAST_BULK_HARD
-        if bulk < least:
+        if self.loop_length < LEAST_BULK * self.diameter:
             raise InputError(
-                "diameter",
-                self.diameter,
-                f"yarn too thick for its loop: loop length over diameter is {bulk:.3g}, "
-                f"must be {least:g} or more",
-            )
-        hard = core or 0.8 * self.diameter
-        for name, value, least in (
-            ("wale spacing", self.wale_spacing, 2.0),
-            ("course spacing", self.course_spacing, 1.0),
-        ):
-            if value < least * hard:
-                raise InputError(
-                    name,
-                    value,
-                    f"no room for the yarn: {name} must be {1e3 * least * hard:.4g} mm or more",
-                )
-        # Two legs that reach beyond a course spacing at each end, and the way across.
-        shortest = math.hypot(self.wale_spacing, 2.0 * (self.course_spacing + hard))
-        if self.loop_length < shortest:
+                "diameter", self.diameter,
+                f"yarn too thick for its loop: must be {self.loop_length / LEAST_BULK:.4g} m or less",
+            )  # fmt: skip
+        if self.set_fraction > 0.0 and None in (self.wale_spacing, self.course_spacing):
             raise InputError(
-                "loop length",
-                self.loop_length,
-                f"loop too short to reach the next course: must be {1e3 * shortest:.4g} mm or more",
-            )
-        longest = 4.0 * (self.wale_spacing + 2.0 * self.course_spacing)
-        if self.loop_length > longest:
-            raise InputError(
-                "loop length",
-                self.loop_length,
-                f"loop too long to stay looped at these spacings: must be {1e3 * longest:.4g} mm or less",
-            )
+                "set", self.set_fraction,
+                "needs wale and course spacing: those at which the yarn took its set",
+            )  # fmt: skip
+
+    def lengths(self, courses):
+        """Loop length (m) of each of a number of courses, (courses,)."""
+        parts = self.course_lengths or (1.0,)
+        return self.loop_length * np.resize(np.array(parts) / np.mean(parts), courses)
 
 
 @dataclass(frozen=True)
@@ -104,13 +98,14 @@ class Resolution:
     """How finely a fabric is solved.
 
     points: control points per loop, a multiple of 4; contacts: contact points per loop, a multiple
-    of 4, or None for the spacing that the contact law needs; cell: "quarter" (a symmetric loop) or
-    "full", the latter with wales by courses loops.
+    of 4, or None for the spacing that the contact law needs; cell: "symmetric" (as little of the yarn as
+    the symmetry of the pattern leaves) or "full", the latter with wales by courses periods of the
+    pattern.
     """
 
     points: int = 48
     contacts: int | None = None
-    cell: str = "quarter"
+    cell: str = "symmetric"
     wales: int = 1
     courses: int = 1
 
@@ -119,12 +114,12 @@ class Resolution:
             raise InputError(
                 "points", self.points, f"must be a multiple of 4, {LEAST_POINTS} or more"
             )
-        if self.cell not in ("quarter", "full"):
-            raise InputError("cell", self.cell, "must be quarter or full")
+        if self.cell not in ("symmetric", "full"):
+            raise InputError("cell", self.cell, "must be symmetric or full")
         if self.wales < 1 or self.courses < 1:
-            raise InputError("cell", f"{self.wales} x {self.courses}", "must hold 1 loop or more")
-        if self.cell == "quarter" and (self.wales, self.courses) != (1, 1):
-            raise InputError("cell", "quarter", "must be full for more than one loop")
+            raise InputError("cell", f"{self.wales} x {self.courses}", "must hold 1 period or more")
+        if self.cell == "symmetric" and (self.wales, self.courses) != (1, 1):
+            raise InputError("cell", "symmetric", "must be full for more than one period")
 
     def contacts_for(self, fabric):
         """Contact points per loop for a fabric.  Raises InputError where the stated ones are few."""

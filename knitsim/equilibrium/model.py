@@ -29,7 +29,8 @@ SET_ROUNDING = 0.02  # rounding of |kappa| near zero, times 2 pi / loop length
 class Model:
     """A fabric at a resolution: its scene, the vertices for the crossing check, the settings.
 
-    sparse: whether the Hessian is kept as a sparse matrix, which is faster in large cells.
+    sparse: whether the Hessian is kept as a sparse matrix, which is faster in large cells.  held: unknowns
+    of the state in which the yarn took its set, None without.
 
     The lattice stands in the unknowns from ``lattice`` on.
     """
@@ -42,6 +43,7 @@ class Model:
     expected: np.ndarray
     control: Control
     sparse: bool
+    held: np.ndarray | None = None
 
     @property
     def lattice(self):
@@ -114,26 +116,29 @@ def rounded_law(law):
     return Stretch(float(slope[0]), rounded)
 
 
-def build_model(fabric, resolution=None, sparse=None):
+def build_model(fabric, resolution=None, kept=None, sparse=None):
     """The :class:`Model` of a fabric (no set).  Raises InputError for a resolution that is too coarse.
 
-    sparse: whether to use the sparse Hessian, where None in cells of SPARSE_FROM loops or more.
+    kept: which symmetries of the pattern are used (:data:`.cell.KEPT`), where None all or, in a full
+    cell, none.  sparse: whether to use the sparse Hessian, where None in cells of SPARSE_FROM loops or
+    more without symmetry.
     """
     resolution = Resolution() if resolution is None else resolution
     contacts = resolution.contacts_for(fabric)
-    if resolution.cell == "quarter":
-        cell = cells.quarter(resolution.points, contacts)
-    else:
-        cell = cells.full(resolution.points, contacts, resolution.wales, resolution.courses)
-    touch = cells.touch_of(cell, fabric.loop_length, NEIGHBOURS * fabric.diameter)
+    kept = kept or ("all" if resolution.cell == "symmetric" else "none")
+    cell = cells.cell_of(
+        fabric.pattern, resolution.points, contacts, kept, resolution.wales, resolution.courses
+    )
+    lengths = fabric.lengths(cell.courses)
+    touch = cells.touch_of(cell, lengths, NEIGHBOURS * fabric.diameter)
     large = cell.wales * cell.courses >= SPARSE_FROM if sparse is None else sparse
     unknowns = cell.count + LATTICE
     scale = np.full(unknowns, 1.0 / (cell.wales * cell.courses))
     scale[: cell.count] = 1.0 / cell.copies
-    scale[-1] /= fabric.wale_spacing  # a couple by the angle
+    scale[-1] /= fabric.loop_length  # a couple by the angle
     scene = Scene(
         cell.map,
-        cells.rod_of(cell, fabric.loop_length, fabric.bending_rigidity),
+        cells.rod_of(cell, lengths, fabric.bending_rigidity),
         rounded_law(fabric.law),
         touch,
         fabric.contact.array(fabric.diameter),
@@ -147,8 +152,9 @@ def build_model(fabric, resolution=None, sparse=None):
         fabric.bending_rigidity * min(TOLERANCE / d**2, OPEN_TOLERANCE / fabric.loop_length**2),
         STEP_CAP * d,
         SKIN * d,
-        ITERATIONS if cell.kind == "quarter" else FULL_ITERATIONS,
+        ITERATIONS if cell.symmetric else FULL_ITERATIONS,
         TRUST,
+        not fabric.pattern.uniform,
     )
     return Model(
         fabric,
@@ -158,7 +164,7 @@ def build_model(fabric, resolution=None, sparse=None):
         cells.trace_of(cell, touch),
         cells.expected_crossings(cell),
         control,
-        cell.kind == "full" and large,
+        large and not cell.symmetric,
     )
 
 
@@ -166,7 +172,7 @@ def with_set(model, y):
     """The model whose yarn has taken the set fraction of its curvature in the state y."""
     scene = model.scene
     rod = scene.rod
-    x = cells.control_points(model.cell, y)
+    x = cells.placed(model.cell.map, y)
     at = x[rod.first[:, None] + np.arange(4)]
     v = np.einsum("ma,mak->mk", rod.d1, at)
     a = np.einsum("ma,mak->mk", rod.d2, at)
@@ -174,7 +180,7 @@ def with_set(model, y):
     rounding = SET_ROUNDING * 2.0 * np.pi / model.fabric.loop_length
     rod = rod.copy()
     rod.rest, rod.rounding = model.fabric.set_fraction * curvature, rounding
-    return replace(model, scene=scene._replace(rod=rod))
+    return replace(model, scene=scene._replace(rod=rod), held=y)
 
 
 def with_diameter(model, diameter):
@@ -184,22 +190,51 @@ def with_diameter(model, diameter):
 
 
 def refine(model, y, fine):
-    """Unknowns of the ``fine`` model (twice the points) for exactly the curve of y."""
-    loop = cells.loop_of(model.cell, y)[: model.cell.points]
-    lattice = y[model.lattice :]
-    step = np.array([lattice[0], lattice[1], 0.0])
-    n = len(loop)
-    long = np.concatenate([loop[-1:] - step, loop, loop[:1] + step])
-    even = (long[:-2] + 6.0 * long[1:-1] + long[2:]) / 8.0
-    odd = 0.5 * (long[1:-1] + long[2:])
-    doubled = np.stack([even, odd], axis=1).reshape(2 * n, 3)
-    return cells.pack(fine.cell, doubled, lattice)
+    """Unknowns of the ``fine`` model (twice the points) for exactly the curves of y."""
+    long = _continued(model, y, 1)
+    even = (long[:, :-2] + 6.0 * long[:, 1:-1] + long[:, 2:]) / 8.0
+    odd = 0.5 * (long[:, 1:-1] + long[:, 2:])
+    doubled = np.stack([even, odd], axis=2).reshape(len(long), -1, 3)
+    return cells.pack(fine.cell, doubled, y[model.lattice :])
+
+
+def carried(model, other, y):
+    """Unknowns of ``model`` for the shape y of another model of the same fabric and points.
+
+    The model's cell holds whole cells of the other, or fewer unknowns by symmetries that the shape has.
+    """
+    loops, lattice = cells.loops_of(other.cell, y), y[other.lattice :]
+    wide = model.cell.wales // other.cell.wales
+    high = model.cell.courses // other.cell.courses
+    a1 = np.array([lattice[0], lattice[1], 0.0]) * other.cell.wales
+    a2 = np.array([lattice[2], lattice[3], 0.0]) * other.cell.courses
+    loops = np.concatenate([loops + i * a1 for i in range(wide)], axis=1)
+    loops = np.concatenate([loops + j * a2 for j in range(high)], axis=0)
+    return cells.pack(model.cell, loops, lattice)
+
+
+def centrelines(model, y, per_span=2):
+    """Points along every loop of the cell, ``per_span`` a span and the end, m.
+
+    (loops, points per_span + 1, 3); loops course by course, along the yarn.
+    """
+    long, n = _continued(model, y, 2), model.cell.points
+    u = np.arange(n * per_span + 1) / per_span
+    found = [
+        spline.evaluate(chain[i * n : (i + 1) * n + 3], u)
+        for chain in long
+        for i in range(model.cell.wales)
+    ]
+    return np.array(found)
 
 
 def centreline(model, y, per_span=2):
-    """Points along one loop, ``per_span`` per span and the end: (points per_span + 1, 3), m."""
-    loop = cells.loop_of(model.cell, y)[: model.cell.points]
-    lattice = y[model.lattice :]
-    step = np.array([lattice[0], lattice[1], 0.0])
-    chain = np.concatenate([loop[-1:] - step, loop, loop[:2] + step])
-    return spline.evaluate(chain, np.arange(len(loop) * per_span + 1) / per_span)
+    """Points along the first loop of the cell, (points per_span + 1, 3), m."""
+    return centrelines(model, y, per_span)[0]
+
+
+def _continued(model, y, beyond):
+    """Control points of all courses with one more before and ``beyond`` more after, (courses, n, 3)."""
+    loops, lattice = cells.loops_of(model.cell, y), y[model.lattice :]
+    step = model.cell.wales * np.array([lattice[0], lattice[1], 0.0])
+    return np.concatenate([loops[:, -1:] - step, loops, loops[:, :beyond] + step], axis=1)

@@ -159,7 +159,7 @@ def _touch(yarns, chain, diameter, wanted):
                 arc=(at + place) * step,
             )
         )
-    images = records(IMAGE, 1, sign=1.0, arc_sign=1.0, same=True)
+    images = records(IMAGE, 1, sign=1.0, arc_sign=1.0, turn=1)
     points = np.concatenate(parts).view(np.recarray)
     return Touch(points, images, 1.0, NEIGHBOURS * diameter, 0.0)
 

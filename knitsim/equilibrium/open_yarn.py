@@ -277,7 +277,7 @@ def solve_open(
         + [CLEAR * c.distance for c in cylinders]
         + ([] if contact is None else [CLEAR * diameter])
     )
-    control = Control(tolerance, cap, 0.1 * diameter, ITERATIONS, TRUST)
+    control = Control(tolerance, cap, 0.1 * diameter, ITERATIONS, TRUST, False)
     rub, memory = (), ()
     if friction > 0.0:
         shell = 0.0 if contact is None else sticking * contact.shell(diameter)

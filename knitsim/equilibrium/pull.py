@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from knitsim.equilibrium.accuracy import estimated
-from knitsim.equilibrium.relax import settle
+from knitsim.equilibrium.relax import settle, without
 from knitsim.equilibrium.result import LOADING, RECOVERY, Curve
 from knitsim.equilibrium.walk import Walk
 from knitsim.errors import ComputationError, InputError
@@ -124,15 +124,15 @@ def shear(
     moves by course_spacing tan(angle) of the relaxed state along the course.  lateral: wale spacing
     "free" or "held".  tension: force per width along the wale (N/m), kept throughout; the course
     spacing is free.  force_per_width is the shear force over the relaxed wale spacing.  ``relaxed``
-    must be of the full cell, since shear has no mirror symmetry.  estimate_error: as in tensile.
+    may be of any cell; shear has no mirror symmetry, and the state is carried over into a cell without.
+    estimate_error: as in tensile.
     """
     angles = np.asarray(angles, dtype=float)
     if angles.ndim != 1 or not angles.size or not (np.abs(angles) < 1.0).all():
         raise InputError("angles", angles.tolist(), "must be finite and within 1 rad")
-    if relaxed.model.cell.kind != "full":
-        raise InputError("cell", relaxed.model.cell.kind, "must be full for shear")
     if lateral not in ("free", "held"):
         raise InputError("lateral", lateral, "must be free or held")
+    relaxed = without(relaxed, "sheared")
     base = relaxed.course_spacing
     load = np.zeros(4)
     load[COURSE_SPACING] = tension * relaxed.wale_spacing
@@ -176,8 +176,8 @@ def _curve(relaxed, walk, test, pulled, base, width, free, load):
     model, y = relaxed.model, states["y"]
     at = model.lattice
     forces = force[:, at : at + 4] / model.loops
-    if model.cell.kind == "quarter":
-        # The images of a loop and its mirror cancel; the quarter alone knows no shear force.
+    if any(one.sign[0] != one.sign[1] for one in model.cell.symmetries):
+        # The images of a loop and its mirror cancel; alone, either knows a shear force.
         forces[:, 1:3] = 0.0
     return Curve(
         **states,

@@ -1,8 +1,9 @@
-"""The fabric at rest: the loop finds its own shape and spacings.
+"""The fabric at rest: the loops find their own shape and spacings.
 
-From a sinusoidal loop of the stated length the loop is first brought to equilibrium at the stated
-spacings, then the spacings are let go.  Where the start has yarns closer than they like, the
-diameter grows from what the start has room for.
+From loops that are interlooped as the pattern says, wide and flat, with a yarn as thin as they have room
+for, the yarn grows to its own diameter, then the spacings are let go.  Where there is no room at the
+spacings of the start, these are free as it grows.  The stated spacings matter to a yarn with set alone:
+it has taken a part of the curvature that it has in the loop held at these.
 """
 
 from dataclasses import dataclass
@@ -10,27 +11,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from knitsim.equilibrium import spline
-from knitsim.equilibrium import start as shape
-from knitsim.equilibrium.cell import loop_of, pack
+from knitsim.equilibrium.cell import KEPT, pack
 from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.kernels.accept import CROSSINGS_LOST, NOT_SETTLED, RAN_AWAY, TOO_CLOSE
-from knitsim.equilibrium.kernels.newton import (
-    CONVERGED,
-    NO_DESCENT,
-    NOT_FINITE,
-    TOO_MANY,
-)
+from knitsim.equilibrium.kernels.newton import CONVERGED, NO_DESCENT, NOT_FINITE, TOO_MANY
 from knitsim.equilibrium.model import (
     Model,
     build_model,
+    carried,
     centreline,
+    centrelines,
     with_diameter,
     with_set,
 )
 from knitsim.equilibrium.solve import gradient_at, is_plain, is_stable, minimise
+from knitsim.equilibrium.start import starting_loops
 from knitsim.errors import ComputationError, InputError
 from knitsim.loop.lattice import crossings_intact
-from knitsim.loop.peirce import peirce_length
 
 REASONS = {
     TOO_MANY: "Newton's method did not reach the tolerance",
@@ -42,10 +39,13 @@ REASONS = {
     NOT_SETTLED: "the normal forces of friction do not settle",
 }
 
+# Spacings of a start: loop length over wale and course spacing, near those of a relaxed plain knit.
+KW, KC = 3.75, 5.4
 # Starts tried in turn: sideways overlap of the legs and thickness, in diameters.
 _STARTS = (
     (1.0, 1.19), (0.6, 1.19), (1.4, 1.19), (0.3, 1.0), (2.0, 1.19), (0.1, 1.0), (3.0, 1.4),
 )  # fmt: skip
+_THIN = 16.0  # a start has room for a yarn of this part of the loop length
 _ROOM = 0.6  # smallest distance at a start, in the diameter then used
 _GROWTH, _GROWTH_STEPS = 1.25, 60  # of the diameter in one step; steps at most
 _CLEAR = 0.97  # a core takes at most this part of the smallest distance
@@ -57,11 +57,11 @@ RELAX_ITERATIONS, RELAX_TRUST = 1000, 6
 class Relaxed:
     """A fabric in equilibrium at rest; start of every test.
 
-    y: unknowns; wale_spacing, course_spacing (m); energy (4,): stretch, bend, contact, friction per loop (J);
-    residual (N); min_distance (diameters, NaN where nothing is near); iterations; crossings_intact.
-    stable: whether the energy without friction has a minimum here, by all unknowns of the cell; None
-    for the quarter, which cannot know (see :mod:`stability`).  memory: what friction remembers of the way
-    here, None where nothing has moved.
+    y: unknowns; wale_spacing, course_spacing (m); energy (4,): stretch, bend, contact, friction per loop
+    (J); residual (N); min_distance (diameters, NaN where nothing is near); iterations;
+    crossings_intact.  stable: whether the energy without friction has a minimum here, by all unknowns of
+    the cell; None for a symmetric cell, which cannot know (see :mod:`stability`).  memory: what
+    friction remembers of the way here, None where nothing has moved.
     """
 
     model: Model
@@ -74,6 +74,10 @@ class Relaxed:
     stable: bool | None
     memory: tuple | None = None
 
+    def __repr__(self):
+        w, c = 1e3 * self.wale_spacing, 1e3 * self.course_spacing
+        return f"<{self.model.fabric.pattern} at rest: {w:.4g} x {c:.4g} mm>"
+
     @property
     def wale_spacing(self):
         return float(self.y[self.model.lattice])
@@ -84,47 +88,76 @@ class Relaxed:
 
     @property
     def centreline(self):
-        """Points of one loop, (points, 3), m; the last is the first, one wale further."""
+        """Points of the first loop, (points, 3), m; the last is the first of the next."""
         return centreline(self.model, self.y)
+
+    @property
+    def centrelines(self):
+        """Points of every loop of the cell, (loops, points, 3), m."""
+        return centrelines(self.model, self.y)
 
 
 def is_intact(model, y):
-    """Crossings as in plain knit, checked on one whole loop by :mod:`knitsim.loop.lattice`."""
-    lattice = y[model.lattice : model.lattice + 4].reshape(2, 2)
-    c = model.cell
-    if c.wales * c.courses > 1:
+    """Whether the crossings are those of the pattern, read again where other code can.
+
+    One plain loop is read by :mod:`knitsim.loop.lattice`.  A fabric that folds shows other crossings than
+    its pattern has; there no step lets yarns pass through each other, and nothing is read.
+    """
+    if not model.fabric.pattern.uniform:
+        return True
+    if model.loops > 1:
         return is_plain(model, y)
+    lattice = y[model.lattice : model.lattice + 4].reshape(2, 2)
     return crossings_intact(centreline(model, y), np.pad(lattice, ((0, 0), (0, 1))))
 
 
 def relax(fabric, resolution=None):
     """The fabric at rest (:class:`Relaxed`), both spacings free.
 
-    A cell of several loops is filled with the symmetric loop at rest, and this state is reported,
-    also where the loops would exchange yarn if nothing but friction kept them from it
-    (Relaxed.stable).
+    It is sought with the symmetry of the pattern.  A cell without symmetry is filled with what is found,
+    and this state is reported, also where the loops would exchange yarn or turn sideways if nothing but
+    friction kept them from it (Relaxed.stable).
 
-    Raises InputError for a resolution that is too coarse or a fabric without a start, and
+    Raises InputError for a resolution that is too coarse or a yarn for which the loop has no room, and
     ComputationError where no start leads to an interlooped equilibrium.
     """
     model = build_model(fabric, resolution)
-    if model.loops > 1:
-        one = build_model(fabric, Resolution(model.cell.points, model.cell.contacts))
-        held, used = _held_start(one)
-        if fabric.set_fraction > 0.0:
-            one, model = with_set(one, held), with_set(model, spread(model, one, held))
-        alone = settle(one, held, one.free(0, 3), used)
-        y, used = spread(model, one, alone.y), alone.iterations
+    one = symmetric_of(model)
+    y, used = _at_rest(one)
+    if fabric.set_fraction > 0.0:
+        held = held_state(one, y)
+        if one is not model:
+            model = with_set(model, carried(model, one, held))
+            one = with_set(one, held)
+        else:
+            one = model = with_set(one, held)
+        try:
+            alone = settle(one, held, one.free(0, 3), used)
+        except ComputationError:
+            alone = settle(one, y, one.free(0, 3), used)
     else:
-        y, used = _held_start(model)
-        if fabric.set_fraction > 0.0:
-            model = with_set(model, y)
-    return settle(model, y, model.free(0, 3), used)
+        alone = settle(one, y, one.free(0, 3), used)
+    if one is model:
+        return alone
+    return settle(model, carried(model, one, alone.y), model.free(0, 3), alone.iterations)
 
 
-def spread(model, one, y):
-    """Unknowns of a full cell's ``model`` with every loop like the state y of the one-loop model."""
-    return pack(model.cell, loop_of(one.cell, y), y[one.lattice :])
+def symmetric_of(model):
+    """The model of the same fabric and points with all symmetries; itself where it has them."""
+    if len(model.cell.symmetries) == len(model.fabric.pattern.symmetries()):
+        return model
+    return build_model(model.fabric, Resolution(model.cell.points, model.cell.contacts))
+
+
+def without(relaxed, kept):
+    """The relaxed state in a cell with only these symmetries of the pattern (:data:`.cell.KEPT`)."""
+    model, fabric = relaxed.model, relaxed.model.fabric
+    if all(KEPT[kept](one) for one in model.cell.symmetries):
+        return relaxed
+    other = build_model(fabric, Resolution(model.cell.points, model.cell.contacts), kept)
+    if model.held is not None:
+        other = with_set(other, carried(other, model, model.held))
+    return settle(other, carried(other, model, relaxed.y), other.free(0, 3), relaxed.iterations)
 
 
 def settle(model, y, free, used=0, scene=None):
@@ -158,7 +191,7 @@ def settle(model, y, free, used=0, scene=None):
         float(distance) if np.isfinite(distance) else np.nan,
         used + iterations,
         True,
-        is_stable(model, scene, y, free) if model.cell.kind == "full" else None,
+        None if model.cell.symmetric else is_stable(model, scene, y, free),
     )
 
 
@@ -174,87 +207,133 @@ def _run_into(model, nearest):
     return nearest < least
 
 
-def held_state(fabric, resolution=None):
-    """Unknowns of the loop at equilibrium at the stated spacings, of which a set is a part."""
-    return _held_start(build_model(fabric, resolution))[0]
+def _at_rest(model):
+    """Unknowns of an interlooped equilibrium with spacings near those at rest, and the iterations used."""
+    length = model.fabric.loop_length
+    reasons, thickest = [], 0.0
+    for free in ((), (0, 3)):
+        for y in _starting_shapes(model, length / KW, length / KC, reasons):
+            done, used, reached = _grow(model, y, free)
+            if done == CONVERGED:
+                return y, used
+            thickest = max(thickest, reached)
+            reasons.append(REASONS[done])
+    if thickest > 0.0:
+        raise InputError(
+            "diameter", model.fabric.diameter,
+            f"the loop has no room for the yarn: a yarn of {1e3 * thickest:.4g} mm was laid into this "
+            "loop length; give a thinner yarn, a softer contact law or a longer loop",
+        )  # fmt: skip
+    raise ComputationError(f"no equilibrium at rest; the starts gave: {reasons}")
 
 
-def _held_start(model):
-    """An interlooped equilibrium at the stated spacings, and the iterations that it took."""
-    reasons = []
-    control = model.control._replace(limit=RELAX_ITERATIONS)
-    for y in _starting_shapes(model, reasons):
-        if not is_plain(model, y):
-            reasons.append("start not interlooped")
-            continue
-        done, used = _grow(model, y, control)
-        if done == CONVERGED and _run_into(model, _nearest(model, y)):
-            done = TOO_CLOSE
-        if done == CONVERGED and is_intact(model, y):
-            return y, used
-        reasons.append(REASONS.get(done, REASONS[CROSSINGS_LOST]))
-    if not any(r in REASONS.values() for r in reasons):
-        raise _no_start(model.fabric, reasons)
-    raise ComputationError(f"no equilibrium at the stated spacings; the starts gave: {reasons}")
+def held_state(model, rest=None):
+    """Unknowns of a symmetric model without set held at the stated spacings, of which a set is a part.
+
+    rest: its unknowns at rest, from which it is pulled there where no start of its own is found.
+    """
+    fabric, reasons = model.fabric, []
+    for y in _starting_shapes(model, fabric.wale_spacing, fabric.course_spacing, reasons):
+        done, *_ = _grow(model, y, ())
+        if done == CONVERGED:
+            return y
+        reasons.append(REASONS[done])
+    rest = _at_rest(model)[0] if rest is None else rest
+    return _pulled_to(model, rest, (fabric.wale_spacing, fabric.course_spacing))
+
+
+def _pulled_to(model, rest, spacings):
+    """Unknowns held at these spacings (m), reached along a path from rest."""
+    from knitsim.equilibrium.walk import Walk
+
+    at = model.lattice
+    walk = Walk(
+        model, model.scene, rest, free=(), driven=[at, at + 3], rub=(), memory=(),
+        largest=0.05 * min(spacings), told=lambda target: "them",
+    )  # fmt: skip
+    if walk.forward(np.array([spacings])):
+        return walk.y
+    reached = " x ".join(f"{1e3 * walk.reached[i]:.4g}" for i in (at, at + 3))
+    raise InputError(
+        "set", model.fabric.set_fraction,
+        f"the loop has no room at the stated spacings, at which the yarn took its set: on the way "
+        f"there from rest it came to {reached} mm; state spacings that it has room for, or set 0",
+    )  # fmt: skip
 
 
 def check_start(fabric, resolution=None):
     """Raises InputError if no starting shape of the loop is interlooped; nothing is solved."""
     model, reasons = build_model(fabric, resolution), []
-    if not any(is_intact(model, y) for y in _starting_shapes(model, reasons)):
-        raise _no_start(fabric, [*reasons, "start not interlooped"])
+    length = fabric.loop_length
+    if not any(True for _ in _starting_shapes(model, length / KW, length / KC, reasons)):
+        raise InputError("loop length", length, f"no loop can be laid ({reasons[0]})")
 
 
-def _starting_shapes(model, reasons):
-    """Unknowns of the loops that are tried in turn; why one does not exist is added to reasons."""
+def _starting_shapes(model, wale_spacing, course_spacing, reasons):
+    """Unknowns of the interlooped starts in turn; why one is left out is added to reasons."""
     fabric = model.fabric
-    thin = min(fabric.diameter, fabric.loop_length / 16.0)
+    thin = min(fabric.diameter, fabric.loop_length / _THIN)
     for overlap, thick in _STARTS:
         try:
-            yield start_from(model, overlap * thin, thick * thin)
+            y = start_from(model, overlap * thin, thick * thin, wale_spacing, course_spacing)
         except ComputationError as error:
             reasons.append(str(error))
+            continue
+        if is_plain(model, y):
+            yield y
+        else:
+            reasons.append("start not interlooped")
 
 
-def _no_start(fabric, reasons):
-    usual = peirce_length(fabric.wale_spacing, fabric.course_spacing, fabric.diameter)
-    return InputError(
-        "loop length",
-        fabric.loop_length,
-        f"too short or too long to interloop at these spacings ({reasons[0]}); Peirce's loop there "
-        f"has {1e3 * usual:.4g} mm",
+def start_from(model, overlap, thick, wale_spacing=None, course_spacing=None):
+    """Unknowns of a start (see :mod:`.start`) at these spacings (m), the stated ones where None."""
+    fabric, cell = model.fabric, model.cell
+    w = fabric.wale_spacing if wale_spacing is None else wale_spacing
+    c = fabric.course_spacing if course_spacing is None else course_spacing
+    loops = starting_loops(
+        fabric.pattern, w, c, fabric.lengths(fabric.pattern.courses), overlap, thick, cell.points
     )
+    control = np.array(
+        [spline.interpolate_periodic(own, [fabric.pattern.wales * w, 0.0, 0.0]) for own in loops]
+    )
+    control[:, :, 2] -= control[:, :, 2].mean()
+    wide, high = cell.wales // fabric.pattern.wales, cell.courses // fabric.pattern.courses
+    step = np.array([fabric.pattern.wales * w, 0.0, 0.0])
+    rise = np.array([0.0, fabric.pattern.courses * c, 0.0])
+    control = np.concatenate([control + i * step for i in range(wide)], axis=1)
+    control = np.concatenate([control + j * rise for j in range(high)], axis=0)
+    return pack(cell, control, [w, 0.0, 0.0, c])
 
 
-def start_from(model, overlap, thick):
-    """Unknowns of a sinusoidal loop at the stated spacings (see :mod:`shape`)."""
-    fabric, n = model.fabric, model.cell.points
-    points = shape.sinusoidal_loop(fabric.wale_spacing, fabric.loop_length, overlap, thick, n)
-    control = spline.interpolate_periodic(points, [fabric.wale_spacing, 0.0, 0.0])
-    control[:, 2] -= control[:, 2].mean()
-    return pack(model.cell, control, [fabric.wale_spacing, 0.0, 0.0, fabric.course_spacing])
+def _grow(model, y, free):
+    """Equilibrium in place, the diameter growing to its own; free: lattice entries that give way.
 
-
-def _grow(model, y, control):
-    """Equilibrium at held spacings in place, the diameter growing to its own; status, iterations."""
+    Returns status, iterations and the largest diameter (m) with an equilibrium.
+    """
     own = model.fabric.diameter
+    control = model.control._replace(limit=RELAX_ITERATIONS)
     # Part of the diameter that must stay clear: a core, which scales with the diameter.
     core = model.fabric.contact.core(own) / own
     nearest = _nearest(model, y)
     diameter = min(own, nearest / max(_ROOM, core / _CLEAR))
-    total = 0
+    total, reached = 0, 0.0
     for _ in range(_GROWTH_STEPS):
         grown = model if diameter == own else with_diameter(model, diameter)
-        status, used, *_ = minimise(model, grown.scene, y, model.free(), control)
+        status, used, *_ = minimise(model, grown.scene, y, model.free(*free), control)
         total += used
-        if status != CONVERGED or diameter == own:
-            return status, total
-        if not is_plain(model, y):
-            return CROSSINGS_LOST, total
+        if status != CONVERGED:
+            return status, total, reached
+        if not (is_plain(model, y) if model.fabric.pattern.uniform else True):
+            return CROSSINGS_LOST, total, reached
+        reached = diameter
+        if diameter == own:
+            if _run_into(model, _nearest(model, y)):
+                return TOO_CLOSE, total, reached
+            return (CONVERGED if is_intact(model, y) else CROSSINGS_LOST), total, reached
         diameter = min(own, _GROWTH * diameter)
         if core:
             diameter = min(diameter, _nearest(model, y) * _CLEAR / core)
-    return TOO_MANY, total
+    return TOO_MANY, total, reached
 
 
 def _nearest(model, y):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from knitsim.equilibrium.cell import control_points
+from knitsim.equilibrium.cell import placed
 from knitsim.equilibrium.kernels.yarn import stretch_at
 from knitsim.equilibrium.model import Model, centreline
 from knitsim.equilibrium.relax import is_intact
@@ -134,7 +134,7 @@ class Curve(States):
         parts = rod.weight / rod.weight.sum()
         strain, tension = np.empty(self.steps), np.empty(self.steps)
         for i, y in enumerate(self.y):
-            x = control_points(self.model.cell, y)[rod.first[:, None] + np.arange(4)]
+            x = placed(self.model.cell.map, y)[rod.first[:, None] + np.arange(4)]
             e = np.linalg.norm(np.einsum("ma,mak->mk", rod.d1, x), axis=1) / rod.span - 1.0
             strain[i] = parts @ e
             tension[i] = parts @ [stretch_at(one, self.model.scene.stretch)[1] for one in e]

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from knitsim.equilibrium.fabric import Resolution
-from knitsim.equilibrium.model import build_model, with_set
-from knitsim.equilibrium.relax import held_state, spread
+from knitsim.equilibrium.model import build_model, carried, with_set
 from knitsim.equilibrium.solve import linear_at
 from knitsim.errors import ComputationError, InputError
 
@@ -27,15 +26,15 @@ def lowest_stiffness(curve, wales, courses):
     the quarter, ComputationError where no eigenvalue is found.
     """
     one = curve.model
-    if one.cell.kind != "quarter":
-        raise InputError("cell", one.cell.kind, "must be quarter: the symmetric state is asked for")
+    if not one.cell.symmetric:
+        raise InputError("cell", "full", "must be symmetric: the symmetric state is asked for")
     size = Resolution(one.cell.points, one.cell.contacts, "full", wales, courses)
     model = build_model(one.fabric, size)
-    if one.fabric.set_fraction > 0.0:
-        model = with_set(model, spread(model, one, held_state(one.fabric, one.resolution)))
+    if one.held is not None:
+        model = with_set(model, carried(model, one, one.held))
     scene, free = model.with_load(curve.load), model.free(*curve.free)
     return np.array(
-        [_lowest(linear_at(model, scene, spread(model, one, y), free)) for y in curve.y]
+        [_lowest(linear_at(model, scene, carried(model, one, y), free)) for y in curve.y]
     )
 
 

@@ -1,8 +1,12 @@
-"""A loop to start from: right topology for any sizes, no equation that may lack a solution.
+"""Loops to start from: right topology for any sizes and patterns, no equation that may lack a solution.
 
 On the half loop, t in [0, 1] from sinker arc to head:
-x = w t/2 + A sin 2 pi t, y = -(H/2) cos pi t, z = (Z/2)(1 - cos 2 pi t).
-A makes neighbouring legs overlap sideways by a given width, H gives the loop its length.
+x = w t/2 + A sin 2 pi t, y = -(H/2) cos pi t.
+A makes neighbouring legs overlap sideways by a given width, H gives the loop its length.  The middle of
+each leg lies in the plane of the fabric, the sinker arc behind it where the stitch is knit and before it
+where it is purl, the head where the stitch above is knit or purl:
+z = -(Z/2) s (1 + cos 2 pi t), s = 1 for knit, -1 for purl, of the own stitch up to the middle of the leg,
+of the stitch above beyond.  Between a knit and a purl stitch the sinker arc goes through the plane.
 """
 
 import math
@@ -12,15 +16,15 @@ from scipy.optimize import brentq
 
 from knitsim.errors import ComputationError
 
+THROUGH = (
+    0.08  # of half a loop: within this of the middle of a sinker arc it goes through the plane
+)
 
-def _points(t, width, side, height, thick):
+
+def _plane(t, width, side, height):
+    """x, y of the half loop."""
     return np.stack(
-        [
-            0.5 * width * t + side * np.sin(2 * np.pi * t),
-            -0.5 * height * np.cos(np.pi * t),
-            0.5 * thick * (1 - np.cos(2 * np.pi * t)),
-        ],
-        axis=-1,
+        [0.5 * width * t + side * np.sin(2 * np.pi * t), -0.5 * height * np.cos(np.pi * t)], axis=-1
     )
 
 
@@ -46,13 +50,8 @@ def _overlap(side, width):
     return 0.5 * width * (2 * t - 1) + 2 * side * math.sin(2 * np.pi * t)
 
 
-def sinusoidal_loop(width, length, overlap, thick, points):
-    """Positions (points, 3) of one loop at equal arc length, from the sinker arc on.
-
-    width: wale spacing; length: loop length; overlap: how far legs run back sideways; thick:
-    thickness between centre lines (all m).  Raises ComputationError where the loop length does not
-    suffice.
-    """
+def _sizes(width, length, overlap, thick):
+    """A and H of a loop.  Raises ComputationError where the loop length does not suffice."""
     side = brentq(
         lambda a: _overlap(a, width) - overlap,
         width / (4 * np.pi),
@@ -68,11 +67,49 @@ def sinusoidal_loop(width, length, overlap, thick, points):
     height = brentq(
         lambda h: _length(width, side, h, thick) - length, 0.0, length, xtol=1e-9 * length
     )
-    t = np.linspace(0.0, 1.0, 2001)
-    fine = _points(t, width, side, height, thick)
-    arc = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(fine, axis=0) ** 2).sum(1)))])
+    return side, height
+
+
+def starting_loops(pattern, wale_spacing, course_spacing, lengths, overlap, thick, points):
+    """Positions of all loops of a pattern, (courses, wales points, 3), m, at even places of the yarn.
+
+    lengths (courses,): of a loop in each course; overlap: how far legs run back sideways; thick: how far
+    sinker arcs and heads lie from the plane (all m).  Raises ComputationError where the loop length
+    does not suffice.
+    """
+    found = []
     half = points // 2
-    at = np.interp(np.arange(half + 1) * arc[-1] / half, arc, t)
-    first = _points(at, width, side, height, thick)
-    second = first[-2:0:-1] * [-1, 1, 1] + [width, 0, 0]
-    return np.concatenate([first, second])
+    for course, length in enumerate(lengths):
+        side, height = _sizes(wale_spacing, length, overlap, thick)
+        t = np.linspace(0.0, 1.0, 2001)
+        plane = _plane(t, wale_spacing, side, height)
+        rise = thick * (1.0 + np.cos(2.0 * np.pi * t)) / 2.0
+        fine = np.column_stack([plane, rise])
+        arc = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(fine, axis=0) ** 2).sum(1)))])
+        at = np.interp(np.arange(half + 1) * arc[-1] / half, arc, t)
+        leg = _plane(at, wale_spacing, side, height)
+        down = leg[-2:0:-1] * [-1.0, 1.0] + [wale_spacing, 0.0]
+        loop = np.concatenate([leg, down])
+        place = np.concatenate([at, at[-2:0:-1]])  # t along both legs
+        for wale in range(pattern.wales):
+            z = _thickness(pattern, wale, course, place, thick)
+            shift = [wale * wale_spacing, course * course_spacing]
+            found.append(np.column_stack([loop + shift, z]))
+    return np.array(found).reshape(len(lengths), -1, 3)
+
+
+def _thickness(pattern, wale, course, t, thick):
+    """z of a loop at the places t of its two legs."""
+    sign = {"k": 1.0, "p": -1.0}
+    own, above = sign[pattern.stitch(wale, course)], sign[pattern.stitch(wale, course + 1)]
+    n = len(t)
+    beside = np.where(
+        np.arange(n) <= n // 2,
+        sign[pattern.stitch(wale - 1, course)],
+        sign[pattern.stitch(wale + 1, course)],
+    )
+    # Half way between the stitches it lies in their mean.
+    share = np.clip(t / THROUGH, 0.0, 1.0)
+    low = 0.5 * (own + beside) + share * (own - 0.5 * (own + beside))
+    profile = np.where(t <= 0.5, low, above)
+    return -0.5 * thick * profile * (1.0 + np.cos(2.0 * np.pi * t))

@@ -19,15 +19,15 @@ class Walk:
     lattice entries that equilibrium decides; driven: unknowns that are prescribed; over: for each the
     unknown that it is divided by in what is asked for, or -1.  largest: largest change of what is asked
     for in one increment; exact, widest: as in :class:`.kernels.follow.March`.  told: function of an asked
-    row that says it in words.
+    row that says it in words.  rub: friction, where not that of the model.
     """
 
     def __init__(
         self, model, scene, start, *, free, driven, largest, told, over=None, exact=0.0,
-        widest=np.inf, memory=None,
+        widest=np.inf, memory=None, rub=None,
     ):  # fmt: skip
         self.model, self.scene, self.told = model, scene, told
-        self.rub = model.rub
+        self.rub = model.rub if rub is None else rub
         over = [-1] * len(driven) if over is None else over
         self.march = March(
             model.free(*free), np.array(driven), np.array(over), float(largest), float(exact),
@@ -84,6 +84,7 @@ class Walk:
         if top is None:
             trail, there, reached, status = self._go(targets)
             self._keep(trail, there, reached, phase, cycle)
+            self.reached = there.y
             if status != REACHED:
                 self._stop(status, targets[reached])
             return status == REACHED

@@ -13,11 +13,11 @@ from knitsim.jit import njit
 
 
 @njit
-def segments_crossing(points, i, k, start, side):
+def segments_crossing(points, i, k, start, side, facing):
     """(p, above): where the segment from vertex i on crosses an image of that from vertex k on.
 
     start, side: the image's first vertex and its course to the second, seen along the thickness
-    axis.  p: part of the way along segment i, -1 if they do not cross; above: whether i lies above.
+    axis; facing: -1 where the image has face and back exchanged, else 1.  p: part of the way along segment i, -1 if they do not cross; above: whether i lies above.
     """
     cx, cy = start
     ex, ey = side
@@ -31,7 +31,7 @@ def segments_crossing(points, i, k, start, side):
     if not (0.0 <= p < 1.0 and 0.0 <= q < 1.0):
         return -1.0, False
     z = points[i, 2] + p * (points[i + 1, 2] - points[i, 2])
-    return p, z > points[k, 2] + q * (points[k + 1, 2] - points[k, 2])
+    return p, z > facing * (points[k, 2] + q * (points[k + 1, 2] - points[k, 2]))
 
 
 @njit
@@ -57,7 +57,7 @@ def crossings_of(trace, points, lattice, limit):
         if image_is_far(sign, shift, low[0], high[0], low[0], high[0], 0.0):
             continue
         for k in range(m - 1):
-            if trace.points[k].yarn != trace.points[k + 1].yarn:
+            if trace.points[k + 1].first > trace.points[k].first + 1:  # another piece of yarn
                 continue
             cx, cy = s0 * points[k, 0] + t0, s1 * points[k, 1] + t1
             ex, ey = s0 * points[k + 1, 0] + t0 - cx, s1 * points[k + 1, 1] + t1 - cy
@@ -66,9 +66,9 @@ def crossings_of(trace, points, lattice, limit):
             if low_x > right or high_x < left or low_y > top or high_y < bottom:
                 continue
             for i in range(m - 1):
-                if trace.points[i].yarn != trace.points[i + 1].yarn:
+                if trace.points[i + 1].first > trace.points[i].first + 1:
                     continue
-                up = int(m2) + trace.points[k].yarn - trace.points[i].yarn
+                up = image.turn * trace.points[k].yarn + image.up - trace.points[i].yarn
                 if up == 0:
                     continue
                 ax, ay = points[i, 0], points[i, 1]
@@ -77,7 +77,7 @@ def crossings_of(trace, points, lattice, limit):
                     continue
                 if min(ay, ay + by) > high_y or max(ay, ay + by) < low_y:
                     continue
-                p, above = segments_crossing(points, i, k, (cx, cy), (ex, ey))
+                p, above = segments_crossing(points, i, k, (cx, cy), (ex, ey), image.sign[2])
                 if p < 0.0:
                     continue
                 if count == limit:

@@ -41,7 +41,7 @@ from knitsim.equilibrium.kernels.newton import (
     minimise,
     solve_factored,
 )
-from knitsim.equilibrium.kernels.pairs import covers, pairs_at
+from knitsim.equilibrium.kernels.pairs import covers, pairs_at, passes
 from knitsim.equilibrium.kernels.records import LATTICE, Touch, records
 from knitsim.equilibrium.kernels.slip import begin_slip, end_slip, lag_slip
 from knitsim.jit import choose, njit
@@ -130,7 +130,12 @@ def resolved(scene, work):
 def loosened(control):
     """For a pass that only serves to find the normal forces."""
     return Control(
-        control.tolerance * LOOSE, control.cap, control.skin, control.limit, control.trust
+        control.tolerance * LOOSE,
+        control.cap,
+        control.skin,
+        control.limit,
+        control.trust,
+        control.certify,
     )
 
 
@@ -317,8 +322,10 @@ def follow(scene, standing, targets, march, rub, trail):
                     or not trial[i] <= first[i] * march.widest
                 ):
                     status = RAN_AWAY if status == CONVERGED else status
-            if status == CONVERGED and not intact(
-                scene, march.trace, trial, march.expected, work.x
+            if status == CONVERGED and (
+                passes(scene, y, trial, work)
+                if control.certify
+                else not intact(scene, march.trace, trial, march.expected, work.x)
             ):
                 status = CROSSINGS_LOST
             if status == CONVERGED and not resolved(scene, work):

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from knitsim.equilibrium.kernels.energy import energy_of
-from knitsim.equilibrium.kernels.pairs import covers, pairs_at
+from knitsim.equilibrium.kernels.pairs import covers, pairs_at, passes
 from knitsim.jit import njit
 
 CONVERGED, TOO_MANY, NO_DESCENT, NOT_FINITE = 0, 1, 2, 3
@@ -35,7 +35,8 @@ class Control(NamedTuple):
 
     tolerance: largest residual (N); cap: largest change of any unknown in one step (m); skin: how
     far beyond contact pairs are listed (m); limit: iterations allowed; trust: whole steps in a row
-    that may be taken although the energy rises.
+    that may be taken although the energy rises; certify: whether a step is refused on which yarns may
+    pass through each other.
     """
 
     tolerance: float
@@ -43,6 +44,7 @@ class Control(NamedTuple):
     skin: float
     limit: int
     trust: int
+    certify: bool
 
 
 @njit
@@ -173,6 +175,8 @@ def minimise(scene, y, free, listed, slip, control, work):
             if finite and not accepted and on_trust < trust:
                 on_trust += 1
                 accepted = True
+            if accepted and control.certify and passes(scene, y, point, work):
+                accepted = False
             if accepted:
                 restore = on_trust > 0 and on_trust >= trust and new >= kept_energy
             elif halvings < HALVINGS:

@@ -16,6 +16,7 @@ from knitsim.equilibrium.kernels.records import ANGLE, LATTICE
 from knitsim.jit import choose, njit
 
 CHUNK = 8  # points per bounding box of the pair search
+APART = 0.75  # spacings of contact points: two yarns this far apart at their points do not cross between
 
 
 class Listed(NamedTuple):
@@ -222,14 +223,14 @@ def pair_factor(touch, i, k, g):
     """Weight (m2) of the pair (i, k, g), i <= k; 0 where it does not count."""
     image = touch.images[g]
     own, other = touch.points[i], touch.points[k]
-    if image.same and own.yarn == other.yarn:
+    if own.yarn == image.turn * other.yarn + image.up:
         if abs(own.arc - (image.arc_sign * other.arc + image.arc_shift)) < touch.exclude:
             return 0.0
     factor = touch.copies * own.length * other.length
     if i == k:
         if image.inverse == g:
             factor *= 0.5
-        elif g > image.inverse >= 0:
+        elif g > image.inverse:
             return 0.0
     return factor
 
@@ -244,3 +245,61 @@ def _resized(pairs, weight, size):
         for axis in range(3):
             more[i, axis] = pairs[i, axis]
     return more, longer
+
+
+@njit
+def passes(scene, before, after, work):
+    """Whether yarns may pass through each other as y goes straight from ``before`` to ``after``.
+
+    Conservative: between two contact points of a yarn its centre line stays within half their spacing of
+    one of them, so that of two yarns that do not come closer than that in any pair of contact points
+    none passes.  Bounding boxes of runs of points, over both ends of the way, come first.
+    """
+    m = work.points.shape[0]
+    if m == 0:
+        return False
+    start, end = np.empty((m, 3)), np.empty((m, 3))
+    from_, to = expand(scene.map, before, work.x), np.empty(LATTICE)
+    place_points(scene.touch, work.x, start)
+    to[:] = expand(scene.map, after, work.x)
+    place_points(scene.touch, work.x, end)
+    near = scene.touch.points[0].length * APART
+    chunks = (m + CHUNK - 1) // CHUNK
+    low, high = np.empty((chunks, 3)), np.empty((chunks, 3))
+    later_low, later_high = np.empty((chunks, 3)), np.empty((chunks, 3))
+    boxes_of(start, np.int64(CHUNK), low, high)
+    boxes_of(end, np.int64(CHUNK), later_low, later_high)
+    for g in range(scene.touch.images.size):
+        image = scene.touch.images[g]
+        s, m1, m2 = image.sign, image.steps[0], image.steps[1]
+        t = (m1 * from_[0] + m2 * from_[2], m1 * from_[1] + m2 * from_[3], 0.0)
+        u = (m1 * to[0] + m2 * to[2], m1 * to[1] + m2 * to[3], 0.0)
+        for ci in range(chunks):
+            for ck in range(ci, chunks):
+                far = False
+                for axis in range(3):
+                    a = min(s[axis] * low[ck, axis], s[axis] * high[ck, axis]) + t[axis]
+                    b = max(s[axis] * low[ck, axis], s[axis] * high[ck, axis]) + t[axis]
+                    c = min(s[axis] * later_low[ck, axis], s[axis] * later_high[ck, axis]) + u[axis]
+                    d = max(s[axis] * later_low[ck, axis], s[axis] * later_high[ck, axis]) + u[axis]
+                    own_low = min(low[ci, axis], later_low[ci, axis])
+                    own_high = max(high[ci, axis], later_high[ci, axis])
+                    far |= min(a, c) - own_high > near or own_low - max(b, d) > near
+                if far:
+                    continue
+                for i in range(ci * CHUNK, min(m, (ci + 1) * CHUNK)):
+                    for k in range(max(i, ck * CHUNK), min(m, (ck + 1) * CHUNK)):
+                        least = 0.0
+                        along = moved = 0.0
+                        for axis in range(3):
+                            x = start[i, axis] - s[axis] * start[k, axis] - t[axis]
+                            v = end[i, axis] - s[axis] * end[k, axis] - u[axis] - x
+                            least += x * x
+                            along += x * v
+                            moved += v * v
+                        if along < 0.0:
+                            part = min(-along / moved, 1.0)
+                            least += part * (2.0 * along + part * moved)
+                        if least < near * near and pair_factor(scene.touch, i, k, g) > 0.0:
+                            return True
+    return False

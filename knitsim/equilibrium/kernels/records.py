@@ -50,16 +50,14 @@ TOUCH_POINT = np.dtype(
 )
 
 # Operation that makes an image: x to sign x + steps[0] a1 + steps[1] a2, the arc s to arc_sign s +
-# arc_shift; inverse: number of its inverse, or -1 where that is not in the list; same: whether it
-# keeps a yarn on itself.
+# arc_shift, yarn number j to turn j + up; inverse: number of its inverse.
 IMAGE = np.dtype(
     [
         ("sign", "f8", 3),
         ("steps", "f8", 2),
         ("arc_sign", "f8"),
         ("arc_shift", "f8"),
-        ("same", "?"),
-        ("inverse", "i8"),
+        *((name, "i8") for name in ("turn", "up", "inverse")),
     ],
     align=True,
 )

@@ -144,7 +144,8 @@ def find_pairs_in_grid(touch, points, lattice, reach):
     count = 0
     for g in range(touch.images.size):
         image = touch.images[g]
-        s0, s1, same, other = image.sign[0], image.sign[1], image.same, image.inverse
+        s0, s1, other = image.sign[0], image.sign[1], image.inverse
+        turn, up = image.turn, image.up
         sign = (s0, s1, image.sign[2])
         t0 = image.steps[0] * lattice[0] + image.steps[1] * lattice[2]
         t1 = image.steps[0] * lattice[1] + image.steps[1] * lattice[3]
@@ -174,14 +175,14 @@ def find_pairs_in_grid(touch, points, lattice, reach):
                                 d2 = points[i, 2] - sign[2] * points[k, 2]
                                 if d0 * d0 + d1 * d1 + d2 * d2 >= square:
                                     continue
-                                if same and yarn[i] == yarn[k]:
+                                if yarn[i] == turn * yarn[k] + up:
                                     if abs(arc[i] - (arc_sign * arc[k] + arc_shift)) < exclude:
                                         continue
                                 factor = copies
                                 if i == k:
                                     if other == g:
                                         factor *= 0.5
-                                    elif g > other >= 0:
+                                    elif g > other:
                                         continue
                                 if count == weight.size:
                                     pairs, weight = lengthened(pairs, weight)
@@ -241,10 +242,12 @@ def crossings_in_grid(trace, points, lattice):
                     at = row * grid.columns + column
                     for place in range(grid.start[at], grid.start[at + 1]):
                         i = begin[grid.order[place]]
-                        up = int(m2) + yarn[k] - yarn[i]
+                        up = image.turn * yarn[k] + image.up - yarn[i]
                         if up == 0:
                             continue
-                        p, above = segments_crossing(points, i, k, (cx, cy), (ex, ey))
+                        p, above = segments_crossing(
+                            points, i, k, (cx, cy), (ex, ey), image.sign[2]
+                        )
                         if p < 0.0:
                             continue
                         if count == where.size:

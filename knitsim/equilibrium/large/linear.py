@@ -47,8 +47,8 @@ class SparseWork:
 
     work: buffers of energy and gradient, without the dense matrices.  node, turn: see
     :class:`sparse_kernels.Graph`.  unknown (control points, 3): number in y of each component, -1
-    where it is held.  thick, first_thick: numbers in y of all thickness components, of those of the
-    first loop.  order: number in y of each row of the sparse matrix; number: row for each component.
+    where it is held.  thick: numbers in y of all thickness components.  order: number in y of each row
+    of the sparse matrix; number: row for each component.
     stale: whether the factor is too far from the Hessian to serve.  linear: the last Linear.
     counts: of what was done.
     """
@@ -59,7 +59,6 @@ class SparseWork:
     turn: np.ndarray
     unknown: np.ndarray
     thick: np.ndarray
-    first_thick: np.ndarray
     order: np.ndarray = None
     number: np.ndarray = None
     pattern: Pattern = None
@@ -85,7 +84,7 @@ def new_sparse_work(cell, scene):
         row = rows[3 * own + axis]
         single = np.flatnonzero(row.stop - row.start == 1)
         unknown[single, axis] = entries.column[row.start[single]]
-    thick, first = unknown[:, 2], unknown[: cell.points, 2]
+    thick = unknown[:, 2]
     # The buffers of the energy and its gradient, with dense matrices of next to no size.
     small = scene._replace(map=scene.map._replace(rows=rows[-LATTICE:]), load=scene.load[-LATTICE:])
     work = new_work(small)._replace(
@@ -93,7 +92,7 @@ def new_sparse_work(cell, scene):
         expanded=np.zeros(len(rows)),
         gradient=np.zeros(cell.count + LATTICE),
     )
-    return SparseWork(cell, work, node, turn, unknown, thick[thick >= 0], first[first >= 0])
+    return SparseWork(cell, work, node, turn, unknown, thick[thick >= 0])
 
 
 def place(scene, y, work):
@@ -314,13 +313,13 @@ class Linear:
         """Change of y (all entries) that balances the right side by y, the mean thickness kept."""
         work, count = self.work, self.work.cell.count
         q = rhs[:count].copy()
-        # By y, the control point that keeps the mean moves along with each other one of the first
-        # loop; the matrix holds it instead.  Forces along the thickness add up to zero.
-        q[work.first_thick] -= q[work.thick].sum() / work.cell.points
+        # By y, the control point that keeps the mean moves along with each other one; the matrix
+        # holds it instead.  Forces along the thickness add up to zero.
+        q[work.thick] -= q[work.thick].sum() / len(work.unknown)
         solved = self.solve(np.concatenate([q[work.order], rhs[count + self.free]]))
         change = np.zeros(count + LATTICE)
         change[work.order] = solved[:count]
-        change[work.thick] -= change[work.first_thick].sum() / work.cell.points
+        change[work.thick] -= change[work.thick].sum() / len(work.unknown)
         change[count + self.free] = solved[count:]
         return change
 
@@ -331,7 +330,7 @@ class Linear:
         change[work.order] = self.border @ lattice
         # The reverse of what ``answer`` does to its right side.
         held = -change[work.thick].sum()
-        change[work.first_thick] -= held
+        change[work.thick] -= held
         change[count:] = self.corner @ lattice
         return change
 
