@@ -91,11 +91,13 @@ class Cell:
 def cell_of(pattern, points, contacts, kept="all", wales=1, courses=1):
     """The :class:`Cell` of ``wales`` by ``courses`` periods of a pattern.
 
-    kept: a name of KEPT.  points and contacts: per loop, multiples of 4.  More than one period has no
-    symmetry.
+    kept: a name of KEPT, or some of the symmetries of the pattern.  points and contacts: per loop,
+    multiples of 4.  More than one period has no symmetry.
     """
     kept = "none" if wales * courses > 1 else kept
-    symmetries = tuple(one for one in pattern.symmetries() if KEPT[kept](one))
+    if isinstance(kept, str):
+        kept = tuple(one for one in pattern.symmetries() if KEPT[kept](one))
+    symmetries = kept
     wales, courses = wales * pattern.wales, courses * pattern.courses
     layout = _Layout(pattern, points, wales, courses, symmetries)
     pieces = layout.pieces()
@@ -418,3 +420,23 @@ def expected_crossings(cell):
             own = cell.pattern.crossings(leg, one.course)
             codes += own if one.spans >= half else own[: len(own) // 2]
     return np.array(codes, dtype=np.int64)
+
+
+def symmetries_of(cell, y, tolerance):
+    """Those symmetries of the pattern that a state of a full cell has, to a tolerance (m).
+
+    A shift of the whole along the axes that an operation reverses does not count.
+    """
+    loops, lattice, n = loops_of(cell, y), y[cell.count :], cell.spans
+    a1, a2 = np.array([*lattice[:2], 0.0]), np.array([*lattice[2:4], 0.0])
+    found = []
+    for one in cell.pattern.symmetries():
+        turns, k = np.divmod(one.sign[0] * np.arange(n) + round(one.along * cell.points), n)
+        ups, j = np.divmod(one.sign[1] * np.arange(cell.courses) + one.up, cell.courses)
+        image = np.array(one.sign) * loops + one.along * a1 + one.up * a2
+        there = loops[j][:, k] + turns[None, :, None] * cell.wales * a1
+        off = there + ups[:, None, None] * cell.courses * a2 - image
+        shift = np.where(np.array(one.sign) < 0, off.mean((0, 1)), 0.0)
+        if np.abs(off - shift).max() <= tolerance:
+            found.append(one)
+    return tuple(found)

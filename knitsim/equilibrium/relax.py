@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from knitsim.equilibrium import spline
-from knitsim.equilibrium.cell import KEPT, pack
+from knitsim.equilibrium.cell import KEPT, pack, symmetries_of
 from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.kernels.accept import CROSSINGS_LOST, NOT_SETTLED, RAN_AWAY, TOO_CLOSE
 from knitsim.equilibrium.kernels.newton import CONVERGED, NO_DESCENT, NOT_FINITE, TOO_MANY
@@ -51,6 +51,9 @@ _GROWTH, _GROWTH_STEPS = 1.25, 60  # of the diameter in one step; steps at most
 _CLEAR = 0.97  # a core takes at most this part of the smallest distance
 _LEAST_APART = 0.25  # diameters: closer, yarns at rest have run into each other
 RELAX_ITERATIONS, RELAX_TRUST = 1000, 6
+# Search for states with less symmetry: loops in a cell at most, tries, disturbance (diameters), how much
+# less energy counts (of the energy), to what an operation must hold (diameters).
+MOST_DISTURBED, DISTURBANCES, DISTURBED, LESS, SYMMETRIC = 16, 2, 0.05, 1e-6, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +127,9 @@ def relax(fabric, resolution=None):
     model = build_model(fabric, resolution)
     one = symmetric_of(model)
     y, used = _at_rest(one)
+    if not fabric.pattern.uniform:
+        one, y, used = _without_symmetry(one, y, used)
+        model = one if model.cell.symmetric else model
     if fabric.set_fraction > 0.0:
         held = held_state(one, y)
         if one is not model:
@@ -140,6 +146,39 @@ def relax(fabric, resolution=None):
     if one is model:
         return alone
     return settle(model, carried(model, one, alone.y), model.free(0, 3), alone.iterations)
+
+
+def _without_symmetry(one, y, used):
+    """Model, unknowns and iterations of a state of less energy that has less symmetry, if there is one.
+
+    A fabric whose stitches differ may fold to one side.  The symmetric state is disturbed in the full
+    cell; what is found keeps the symmetries that it has.
+    """
+    start = settle(one, y, one.free(0, 3))
+    fabric, d = one.fabric, one.fabric.diameter
+    full = build_model(fabric, Resolution(one.cell.points, one.cell.contacts), "none")
+    if full.loops > MOST_DISTURBED:
+        return one, y, used
+    straight = carried(full, one, start.y)
+    if is_stable(full, full.scene, straight, full.free(0, 3)):
+        return one, y, used
+    best = start
+    for seed in range(DISTURBANCES):
+        noise = np.random.default_rng(seed).standard_normal(full.cell.count)
+        disturbed = straight.copy()
+        disturbed[: full.cell.count] += DISTURBED * d * noise
+        try:
+            state = settle(full, disturbed, full.free(0, 3))
+        except ComputationError:
+            continue
+        used += state.iterations
+        if state.energy.sum() < (1.0 - LESS) * best.energy.sum():
+            best = state
+    if best is start:
+        return one, y, used
+    kept = symmetries_of(full.cell, best.y, SYMMETRIC * d)
+    folded = build_model(fabric, Resolution(one.cell.points, one.cell.contacts), kept)
+    return folded, settle(folded, carried(folded, full, best.y), folded.free(0, 3)).y, used
 
 
 def symmetric_of(model):

@@ -17,7 +17,8 @@ def segments_crossing(points, i, k, start, side, facing):
     """(p, above): where the segment from vertex i on crosses an image of that from vertex k on.
 
     start, side: the image's first vertex and its course to the second, seen along the thickness
-    axis; facing: -1 where the image has face and back exchanged, else 1.  p: part of the way along segment i, -1 if they do not cross; above: whether i lies above.
+    axis; facing: -1 where the image has face and back exchanged, else 1.  p: part of the way along
+    segment i, -1 if they do not cross; above: whether i lies above.
     """
     cx, cy = start
     ex, ey = side

@@ -44,7 +44,7 @@ from knitsim.equilibrium.kernels.newton import (
     largest_move,
     residual_of,
 )
-from knitsim.equilibrium.kernels.pairs import covers
+from knitsim.equilibrium.kernels.pairs import covers, passes
 from knitsim.equilibrium.kernels.records import LATTICE
 from knitsim.equilibrium.large.linear import (
     Linear,
@@ -93,7 +93,8 @@ def sparse_minimise(scene, y, free, pairs, slip, control, work):
             lower = new <= energy + ARMIJO * length * slope
             drowned = abs(new - energy) <= ROUND_OFF * abs(energy) and after < residual
             if math.isfinite(new) and math.isfinite(after) and (lower or drowned):
-                break
+                if not (control.certify and passes(scene, y, point, inner)):
+                    break
             length *= 0.5
         else:
             _, residual, pairs = at(y, pairs)
@@ -166,8 +167,10 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
             bend_predictor(trial, y, before, march)
             status, used, residual, pairs = _solve_step(scene, trial, slip, rub, march, pairs, work)
             iterations += used
-            if status == CONVERGED and not sparse_intact(
-                scene, march.trace, trial, march.expected, work
+            if status == CONVERGED and (
+                passes(scene, y, trial, inner)
+                if control.certify
+                else not sparse_intact(scene, march.trace, trial, march.expected, work)
             ):
                 status = CROSSINGS_LOST
             if status == CONVERGED and not resolved(scene, inner):
