@@ -27,7 +27,8 @@ numba.config.CACHE_DIR = str(CACHE_DIR)
 
 # No fastmath: it would let a NaN pass the checks that must catch it.  No wrappers for C, which nothing
 # here asks for and which take time to compile.
-njit = functools.partial(numba.njit, cache=True, error_model="numpy", no_cfunc_wrapper=True)
+OPTIONS = {"error_model": "numpy", "no_cfunc_wrapper": True}
+njit = functools.partial(numba.njit, cache=True, **OPTIONS)
 
 
 def choose(path, there, gone):
@@ -63,7 +64,8 @@ def choose(path, there, gone):
         absent = isinstance(kind, types.BaseTuple) and len(kind) == 0
         return without if absent else with_it
 
-    overload(stub)(eval(f"lambda {names}: chosen({names})", {"chosen": chosen}))
+    chooser = eval(f"lambda {names}: chosen({names})", {"chosen": chosen})
+    overload(stub, jit_options=OPTIONS | {"no_cpython_wrapper": True})(chooser)
     return stub
 
 

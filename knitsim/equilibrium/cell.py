@@ -9,6 +9,7 @@ a quarter of a loop, from the sinker arc to the middle of a leg.  The same code 
 whole loops, and the other way round the latter prove the former.
 """
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -88,6 +89,7 @@ class Cell:
         return self.wales * self.points
 
 
+@functools.lru_cache(maxsize=64)
 def cell_of(pattern, points, contacts, kept="all", wales=1, courses=1):
     """The :class:`Cell` of ``wales`` by ``courses`` periods of a pattern.
 
@@ -355,12 +357,14 @@ def touch_of(cell, lengths, exclude):
         length=np.concatenate(length),
         arc=np.concatenate(arc),
     )
-    images = images_of(cell, loop_length)
+    images = images_of(cell).copy()
+    images.arc_shift *= loop_length
     return Touch(points, images, cell.copies, float(exclude), float(np.abs(images.steps).max()))
 
 
-def images_of(cell, loop_length):
-    """Every operation that carries the pieces to a place that they can touch (IMAGE)."""
+@functools.lru_cache(maxsize=64)
+def images_of(cell):
+    """Every operation that carries the pieces to a place that they can touch (IMAGE), arcs in loops."""
     reach = REACH if cell.pattern.uniform else REACH_FOLDED
     found = []
     for one in cell.symmetries:
@@ -380,7 +384,7 @@ def images_of(cell, loop_length):
         sign=sign,
         steps=steps,
         arc_sign=sign[:, 0],
-        arc_shift=steps[:, 0] * loop_length,
+        arc_shift=steps[:, 0],
         turn=sign[:, 1],
         up=steps[:, 1],
         inverse=match.argmax(1),

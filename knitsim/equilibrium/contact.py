@@ -28,7 +28,7 @@ from typing import ClassVar
 
 from knitsim.errors import InputError, number
 
-BARRIER, CORE, TABLE = 0, 1, 2  # branches of kernels.contact.law_at
+CORE, TABLE = 1, 2  # kinds of soft laws, see kernels.contact.soft_at
 # Spacing of the contact points, in diameters.  Two crossing yarns of bending rigidity B touch along
 # about d (B/(K d^3))^(1/4): a force B/d^2 presses them by delta diameters, K d delta^2 = B/d^2, and
 # their gap stays below that over sqrt(delta) d.  The factor makes it d/16 for a cotton jersey.
@@ -85,7 +85,6 @@ class ContactLaw:
     """
 
     section: ClassVar[str] = ""
-    branch: ClassVar[int] = TABLE
     limits: ClassVar[dict] = {}
 
     def __init_subclass__(cls, **more):
@@ -133,14 +132,16 @@ class ContactLaw:
         # Smooth over the shell, whatever the diameter.
         return min(WIDEST * diameter, 2.0 * WIDEST * (diameter - self.core(diameter)))
 
-    def array(self, diameter):
-        """The law as the kernels read it: branch, diameter, core, then what the branch needs."""
-        import numpy as np
+    def soft(self, diameter):
+        """What the kernels need of it besides its stiffness: kind and parameters, or kind and table."""
+        return _table(self, diameter)
 
-        head = [self.branch, diameter, self.core(diameter)]
-        if self.branch != TABLE:
-            return np.array([*head, *(getattr(self, one.name) for one in fields(self))])
-        return np.concatenate([head, _table(self, diameter)])
+    def for_kernels(self, diameter):
+        """The law as the kernels read it (:class:`.kernels.records.Law`)."""
+        from knitsim.equilibrium.kernels.records import Law
+
+        stiffness = float(getattr(self, "stiffness", 0.0))
+        return Law(float(diameter), float(self.core(diameter)), stiffness, self.soft(diameter))
 
     def at(self, distance, diameter):
         """v and its first two derivatives by the distance (J/m2, N/m2, N/m3), as the kernels have it."""
@@ -148,14 +149,14 @@ class ContactLaw:
 
         from knitsim.equilibrium.kernels.contact import law_at
 
-        law, distance = self.array(diameter), np.asarray(distance, dtype=float)
+        law, distance = self.for_kernels(diameter), np.asarray(distance, dtype=float)
         square = [law_at(float(d) ** 2, law) for d in distance.ravel()]
         v, first, second = (np.reshape(part, distance.shape) for part in np.transpose(square))
         return v, 2.0 * distance * first, 2.0 * first + 4.0 * distance**2 * second
 
 
 def _table(law, diameter):
-    """Quintic polynomials between knots: logarithm of the knots' ratio, then rows of coefficients.
+    """Quintic polynomials between knots: TABLE, logarithm of the knots' ratio, rows of coefficients.
 
     The gap z = (D - core)/(diameter - core) runs from 1 down by RATIO a knot to DEEPEST; segment j
     holds the six coefficients by u, 0 at its lower knot and 1 at its upper one.
@@ -190,14 +191,13 @@ def _table(law, diameter):
             "its slope, at one diameter",
         )  # fmt: skip
     coefficients = PPoly.from_bernstein_basis(pieces).c[::-1] * np.diff(z) ** np.arange(6)[:, None]
-    return np.concatenate([[log], coefficients.T[::-1].ravel()])
+    return np.concatenate([[TABLE, log], coefficients.T[::-1].ravel()])
 
 
 @dataclass(frozen=True)
 class BarrierContact(ContactLaw):
     """Contact energy K (1 - x^2)^2/x^2 per length squared, x = distance/diameter; K in N/m."""
 
-    branch: ClassVar[int] = BARRIER
     limits: ClassVar[dict] = {"stiffness": (1e-3, 1e8)}
 
     stiffness: float = quantity(
@@ -209,6 +209,9 @@ class BarrierContact(ContactLaw):
     def energy(self, distance, diameter):
         x2 = (distance / diameter) ** 2
         return self.stiffness * (1.0 - x2) ** 2 / x2
+
+    def soft(self, diameter):
+        return ()
 
     def spacing(self, diameter, bending_rigidity):
         slender = bending_rigidity / (self.stiffness * diameter**3)
@@ -224,7 +227,6 @@ class CoreContact(ContactLaw):
     """
 
     section: ClassVar[str] = "core_law"
-    branch: ClassVar[int] = CORE
     limits: ClassVar[dict] = {
         "core_diameter": (1e-9, 1.0), "stiffness": (1e-3, 1e15), "exponent": (1.01, 20.0)
     }  # fmt: skip
@@ -255,3 +257,8 @@ class CoreContact(ContactLaw):
 
     def core(self, diameter):
         return self.core_diameter
+
+    def soft(self, diameter):
+        import numpy as np
+
+        return np.array([CORE, self.exponent])

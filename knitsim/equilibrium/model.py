@@ -14,7 +14,7 @@ from knitsim.equilibrium.kernels.records import KINK, LATTICE, Scene, Stretch, T
 
 NEIGHBOURS = 1.6  # diameters of arc below which two places of one yarn do not touch
 # Of B/d^2 and of B/l^2, whichever is less: in an open fabric forces are of the order of the latter.
-TOLERANCE, OPEN_TOLERANCE = 1e-6, 1e-4
+TOLERANCE, OPEN_TOLERANCE = 1e-6, 4e-4
 STEP_CAP = 0.15  # diameters
 SKIN = 0.15  # diameters
 ITERATIONS = 60
@@ -141,7 +141,7 @@ def build_model(fabric, resolution=None, kept=None, sparse=None):
         cells.rod_of(cell, lengths, fabric.bending_rigidity),
         rounded_law(fabric.law),
         touch,
-        fabric.contact.array(fabric.diameter),
+        fabric.contact.for_kernels(fabric.diameter),
         np.zeros(unknowns),
         scale,
         (),
@@ -186,7 +186,7 @@ def with_set(model, y):
 def with_diameter(model, diameter):
     """The same model with contact from another diameter on, for continuation in the diameter."""
     contact = model.fabric.contact.grown(diameter / model.fabric.diameter)
-    return replace(model, scene=model.scene._replace(law=contact.array(diameter)))
+    return replace(model, scene=model.scene._replace(law=contact.for_kernels(diameter)))
 
 
 def refine(model, y, fine):

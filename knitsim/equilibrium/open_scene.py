@@ -12,6 +12,7 @@ from knitsim.equilibrium.kernels.records import (
     ROD,
     TOUCH_POINT,
     Fixtures,
+    Law,
     Scene,
     Touch,
     records,
@@ -90,7 +91,7 @@ def assemble(yarns, cylinders, contact, diameter, rounding):
         counter += 3
     map_ = to_map([row for own in rows for row in own], counter)
     y = np.array([*start, *np.zeros(LATTICE)])
-    law = np.zeros(4) if contact is None else contact.array(diameter)
+    law = contact.for_kernels(diameter) if contact else Law(0.0, 0.0, 0.0, ())
     scene = Scene(
         map_,
         _rod(yarns, chain, rounding),
@@ -171,7 +172,8 @@ def _cylinders(cylinders):
         len(cylinders),
         point=np.array([c.point for c in cylinders], dtype=float).reshape(-1, 3),
         axis=axis / np.linalg.norm(axis, axis=1)[:, None],
-        law=np.array([c.law.array(c.distance) for c in cylinders]).reshape(-1, 4),
+        distance=[c.distance for c in cylinders],
+        stiffness=[c.stiffness for c in cylinders],
         shell=[c.law.shell(c.distance) for c in cylinders],
     )
 

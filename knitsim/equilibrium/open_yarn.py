@@ -19,8 +19,9 @@ import numpy as np
 from knitsim.equilibrium import spline
 from knitsim.equilibrium.contact import BarrierContact
 from knitsim.equilibrium.kernels.accept import NOT_SETTLED
-from knitsim.equilibrium.kernels.contact import law_at
+from knitsim.equilibrium.kernels.contact import barrier_at, law_at
 from knitsim.equilibrium.kernels.energy import new_work
+from knitsim.equilibrium.kernels.fixtures import law_of
 from knitsim.equilibrium.kernels.follow import (
     LOOSE,
     PASSES,
@@ -215,7 +216,8 @@ class OpenState:
         place_points(touch, self.x, points)
         d = points - rigid.point[cylinder]
         d -= np.outer(d @ rigid.axis[cylinder], rigid.axis[cylinder])
-        slope = [law_at(float(s), rigid.law[cylinder])[1] for s in (d**2).sum(1)]
+        law = law_of(rigid[cylinder])
+        slope = [barrier_at(float(s), law)[1] for s in (d**2).sum(1)]
         return -2.0 * np.array(slope)[:, None] * d * touch.points.length[:, None]
 
     def _own(self, yarn):

@@ -8,56 +8,62 @@ import math
 
 import numpy as np
 
-from knitsim.equilibrium.contact import BARRIER, CORE
+from knitsim.equilibrium.contact import CORE
 from knitsim.equilibrium.kernels.records import LATTICE
-from knitsim.jit import njit
+from knitsim.jit import choose, njit
 
 
 @njit
-def law_at(square, law):
-    """Energy v (J/m2) and its first two derivatives by the squared distance; inside a core: inf.
-
-    law: an array of :meth:`knitsim.equilibrium.contact.ContactLaw.array`.
-    """
-    d2 = law[1] * law[1]
+def barrier_at(square, law):
+    """Energy v (J/m2) and its first two derivatives by the squared distance: K (1 - x^2)^2/x^2."""
+    d2 = law.diameter * law.diameter
     if square >= d2:
         return 0.0, 0.0, 0.0
-    if law[0] == BARRIER:
-        s, stiffness = square / d2, law[3]
-        i = 1.0 / s
-        first, second = stiffness * (1.0 - i * i) / d2, 2.0 * stiffness * i**3 / (d2 * d2)
-        return stiffness * (i - 2.0 + s), first, second
+    s, stiffness = square / d2, law.stiffness
+    i = 1.0 / s
+    first, second = stiffness * (1.0 - i * i) / d2, 2.0 * stiffness * i**3 / (d2 * d2)
+    return stiffness * (i - 2.0 + s), first, second
+
+
+@njit
+def soft_at(square, law):
+    """As :func:`barrier_at`, of a core law or a tabulated one; inside a core: inf."""
+    if square >= law.diameter * law.diameter:
+        return 0.0, 0.0, 0.0
     distance = math.sqrt(square)
-    if distance <= law[2]:
+    if distance <= law.core:
         return math.inf, 0.0, 0.0
-    delta = law[1] - law[2]
-    z = (distance - law[2]) / delta
-    if law[0] == CORE:
-        k, p = law[4], law[5]
+    delta = law.diameter - law.core
+    z = (distance - law.core) / delta
+    if law.soft[0] == CORE:
+        k, p = law.stiffness, law.soft[1]
         power = z ** (-p)
         v = k * delta**2 / (p * (p - 1)) * (z * power - 1.0 - (p - 1) * (1.0 - z))
         by_d = k * delta / p * (1.0 - power)
         by_dd = k * power / z
     else:
-        v, by_d, by_dd = table_at(z, law)
+        v, by_d, by_dd = table_at(z, law.soft)
         by_d, by_dd = by_d / delta, by_dd / (delta * delta)
     # d/d(D^2) = (1/2D) d/dD
     return v, 0.5 * by_d / distance, 0.25 * (by_dd - by_d / distance) / square
 
 
+law_at = choose("law.soft", soft_at, barrier_at)
+
+
 @njit
-def table_at(z, law):
+def table_at(z, table):
     """Energy and its first two derivatives by the gap z of a tabulated law; below the table: inf."""
-    j = int(-math.log(z) / law[3])
-    if 4 + 6 * j >= law.size:
+    j = int(-math.log(z) / table[1])
+    if 2 + 6 * j >= table.size:
         return math.inf, 0.0, 0.0
-    low, high = math.exp(-(j + 1) * law[3]), math.exp(-j * law[3])
+    low, high = math.exp(-(j + 1) * table[1]), math.exp(-j * table[1])
     h = high - low
     u, v, first, second = (z - low) / h, 0.0, 0.0, 0.0
     for k in range(5, -1, -1):
         second = second * u + 2.0 * first
         first = first * u + v
-        v = v * u + law[4 + 6 * j + k]
+        v = v * u + table[2 + 6 * j + k]
     return v, first / h, second / (h * h)
 
 
@@ -230,7 +236,7 @@ def add_flat_contact(scene, lattice, listed, order, work):
     size = weight.size if order > 0 else 0
     near, push = np.empty((size, 3), dtype=np.int64), np.empty((size, 9))
     energy, closest, count = 0.0, math.inf, 0
-    outside = law[1] * law[1]
+    outside = law.diameter * law.diameter
     for j in range(weight.size):
         i, k, g = pairs[j, 0], pairs[j, 1], pairs[j, 2]
         x, y, z = separation(touch, points, lattice, (i, k, g))

@@ -5,8 +5,15 @@ What only the scenes of open yarns have (:class:`.records.Fixtures`).
 
 import math
 
-from knitsim.equilibrium.kernels.contact import isotropic_plus, law_at
+from knitsim.equilibrium.kernels.contact import barrier_at, isotropic_plus
+from knitsim.equilibrium.kernels.records import Law
 from knitsim.jit import njit
+
+
+@njit
+def law_of(cylinder):
+    """The barrier law of a cylinder."""
+    return Law(cylinder.distance, 0.0, cylinder.stiffness, ())
 
 
 @njit
@@ -49,7 +56,7 @@ def add_cylinders(scene, order, work):
         for i in range(points.shape[0]):
             d = from_axis(cylinders, c, points, i)
             square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-            v, v1, v2 = law_at(square, cylinders[c].law)
+            v, v1, v2 = barrier_at(square, law_of(cylinders[c]))
             if v == 0.0:
                 continue
             energy += touch.points[i].length * v

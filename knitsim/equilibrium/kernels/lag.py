@@ -100,7 +100,7 @@ def _add_flat(scene, lattice, lags, order, work):
         v, w = derivatives_at(scene.rod[p], work.x)
         energy += lag_point(scene.rod[p], lags[p], v, w, order, form, tangent)
         if order > 0:
-            scatter(scene.rod[p], form, tangent, order, work)
+            scatter(scene.rod[p], form, tangent, order, work.expanded, work.half)
     return energy
 
 

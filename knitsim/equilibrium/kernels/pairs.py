@@ -114,13 +114,19 @@ def approach(scene, y, center):
 
 
 @njit
-def covers(scene, listed, y, work):
+def _covers_flat(scene, listed, y, work):
     """Whether every pair that touches at y is in the list."""
-    near = approach(scene, y, listed.center)
-    if near + scene.law[1] > listed.reach[0]:
-        return False
+    return approach(scene, y, listed.center) + scene.law.diameter <= listed.reach[0]
+
+
+@njit
+def _covers_bent(scene, listed, y, work):
     lattice = expand(scene.map, y, work.x)
-    return near + flat_distance(scene, lattice, scene.law[1], work.x) <= listed.reach[0]
+    touching = flat_distance(scene, lattice, scene.law.diameter, work.x)
+    return approach(scene, y, listed.center) + touching <= listed.reach[0]
+
+
+covers = choose("scene.bend", _covers_bent, _covers_flat)
 
 
 @njit
@@ -128,7 +134,7 @@ def pairs_at(scene, y, skin, work):
     """The :class:`Listed` pairs closer than the diameter plus ``skin`` (m) at y."""
     lattice = expand(scene.map, y, work.x)
     place_points(scene.touch, work.x, work.points)
-    reach = flat_distance(scene, lattice, scene.law[1] + skin, work.x)
+    reach = flat_distance(scene, lattice, scene.law.diameter + skin, work.x)
     pairs, weight = find_pairs(scene.touch, work.points, lattice, reach)
     return Listed(pairs, weight, y.copy(), np.full(1, reach))
 

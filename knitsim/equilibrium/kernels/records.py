@@ -62,11 +62,16 @@ IMAGE = np.dtype(
     align=True,
 )
 
-# Rigid cylinder: a point of the axis and its direction, contact law.  The law is the barrier with the sum
-# of the radii as diameter; its energy counts per length of yarn, so that its K is in N.  shell: its
-# stiffness where it is first touched, per length of yarn (N/m2).
+# Rigid cylinder: a point of the axis and its direction; the barrier law with the sum of the radii as
+# distance, whose energy counts per length of yarn, so that its stiffness is in N.  shell: its stiffness
+# where it is first touched, per length of yarn (N/m2).
 CYLINDER = np.dtype(
-    [("point", "f8", 3), ("axis", "f8", 3), ("law", "f8", 4), ("shell", "f8")], align=True
+    [
+        ("point", "f8", 3),
+        ("axis", "f8", 3),
+        *((name, "f8") for name in ("distance", "stiffness", "shell")),
+    ],
+    align=True,
 )
 
 # Couple that turns the tangent at a place of a yarn.  first, d1: the place, as in ROD; moment (N m);
@@ -128,6 +133,19 @@ class Touch(NamedTuple):
     far: float
 
 
+class Law(NamedTuple):
+    """A contact law: what :mod:`.contact` takes.
+
+    diameter, core (m): at which it begins, below which nothing comes; stiffness: K of the barrier (N/m) or
+    k of a core law (N/m3).  soft: () for the barrier, else kind and parameters or table.
+    """
+
+    diameter: float
+    core: float
+    stiffness: float
+    soft: np.ndarray
+
+
 class Bend(NamedTuple):
     """A fabric bent to a cylinder with the face convex where the angle is positive.
 
@@ -148,7 +166,7 @@ class Fixtures(NamedTuple):
 class Scene(NamedTuple):
     """All that the energy of a scene depends on, besides y and friction.
 
-    rod (ROD): a table.  law: the contact law (:meth:`knitsim.equilibrium.contact.ContactLaw.array`).
+    rod (ROD): a table.  law: the contact law.
     load (y size): dead loads, the energy falls by load . y.  scale (y size): the residual of unknown i
     is |gradient_i| scale_i (N), the force on one control point or on L.  bend: Bend or ().
     fixtures: Fixtures or ().
@@ -158,7 +176,7 @@ class Scene(NamedTuple):
     rod: np.ndarray
     stretch: Stretch
     touch: Touch
-    law: np.ndarray
+    law: Law
     load: np.ndarray
     scale: np.ndarray
     bend: Bend

@@ -9,7 +9,7 @@ import math
 from knitsim.equilibrium.kernels.contact import law_at, separation
 from knitsim.equilibrium.kernels.curved import gaps_at
 from knitsim.equilibrium.kernels.curved_friction import add_bent_friction, vector_at
-from knitsim.equilibrium.kernels.fixtures import add_point, from_axis, scatter_point
+from knitsim.equilibrium.kernels.fixtures import add_point, from_axis, law_of, scatter_point
 from knitsim.equilibrium.kernels.friction import (
     MEMORY,
     RUB,
@@ -74,7 +74,7 @@ def _lag_wraps(scene, slip, rub, work, first):
             place = (points[i, 0], points[i, 1], points[i, 2])
             d = from_axis(cylinders, c, points, i)
             square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-            limit = limit_of(square, length, cylinders[c].law, rub.friction)
+            limit = limit_of(square, length, law_of(cylinders[c]), rub.friction)
             if first:
                 begin(wrap, d, place, limit, cylinders[c].shell * length)
             else:

@@ -117,13 +117,14 @@ def derivatives_at(point, x):
     return (v0, v1, v2), (a0, a1, a2)
 
 
-@njit
-def scatter(point, form, tangent, order, work):
+# In line: a call with as many arrays costs more than what it does.
+@njit(inline="always")
+def scatter(point, form, tangent, order, expanded, half):
     """Add an energy of velocity and acceleration at a Gauss point to the gradient and Hessian.
 
     form (6,): its gradient by them; tangent (6, 6): its Hessian, used where order is 2.
     """
-    f, expanded, half = point.first, work.expanded, work.half
+    f = point.first
     for k in range(4):
         d, s = point.d1[k], point.d2[k]
         for i in range(3):
@@ -150,7 +151,7 @@ def add_flat_yarn(scene, lattice, order, work):
         v, w = derivatives_at(point, work.x)
         yarn_point(point, scene.stretch, v, w, order, form, tangent, work.terms)
         if order > 0:
-            scatter(point, form, tangent, order, work)
+            scatter(point, form, tangent, order, work.expanded, work.half)
 
 
 @njit

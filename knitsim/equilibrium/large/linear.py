@@ -104,7 +104,7 @@ def place(scene, y, work):
 
 def sparse_pairs(scene, y, skin, work):
     """The :class:`Listed` pairs closer than the diameter plus ``skin`` (m) at y, as of ``pairs_at``."""
-    lattice, reach = place(scene, y, work), scene.law[1] + skin
+    lattice, reach = place(scene, y, work), scene.law.diameter + skin
     work.counts["pairs"] += 1
     pairs, weight = kernels.find_pairs_in_grid(scene.touch, work.work.points, lattice, reach)
     # In the order of the dense search, in which friction remembers.
