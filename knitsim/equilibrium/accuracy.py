@@ -9,8 +9,8 @@ points wavers along the test; at each state the largest of its neighbourhood sta
 
 import numpy as np
 
-from knitsim.equilibrium.model import build_model, refine
-from knitsim.equilibrium.relax import relax, settle
+from knitsim.equilibrium.model import build_model, refine, with_set
+from knitsim.equilibrium.relax import settle
 from knitsim.equilibrium.result import BendingCurve
 from knitsim.errors import ComputationError
 
@@ -23,11 +23,17 @@ def fine_relaxed(relaxed):
     """The relaxed state at twice the resolution, started from the same shape."""
     model = relaxed.model
     fabric = model.fabric
-    fine = build_model(fabric, model.resolution.refined(fabric))
-    if fabric.set_fraction > 0.0:
+    fine = build_model(fabric, model.resolution.refined(fabric), model.cell.symmetries)
+    if model.held is not None:
         # The rest curvature belongs to the held loop, which must be found again.
-        return relax(fabric, fine.resolution)
-    return settle(fine, refine(model, relaxed.y, fine), fine.free(0, 3))
+        held = settle(fine, refine(model, model.held, fine), fine.free())
+        fine = with_set(fine, held.y)
+    state = settle(fine, refine(model, relaxed.y, fine), fine.free(0, 3))
+    if not relaxed.history:
+        return state
+    from knitsim.equilibrium.programme import handled
+
+    return handled(state, relaxed.history)
 
 
 def estimated(relaxed, curve, increment, again):

@@ -32,9 +32,9 @@ class Fabric:
     reversible; contact: compression of the yarn; friction: Coulomb's coefficient between yarns;
     set_fraction: rest curvature of the yarn as a part of the curvature magnitude of the loop held at the
     stated spacings (0 straight, 1 fully set); bending_hysteresis: couple by which the yarn's moment lags
-    behind its curvature (N m), half the width of the yarn's own hysteresis loop.  sticking: stiffness
+    behind its curvature (N m), half the width of the yarn's own hysteresis loop.  tangential_ratio: stiffness
     of a contact along the yarns before they slide, over that across them where they first touch;
-    stuck_rigidity: how much stiffer the yarn bends before its fibres slide, over its bending rigidity.
+    stuck_ratio: how much stiffer the yarn bends before its fibres slide, over its bending rigidity.
     pattern: of knit and purl; course_lengths: loop length of each course of the pattern over the mean,
     empty where all are the same (yarn slides from stitch to stitch within a course, so that only the
     length of a whole course counts).
@@ -52,8 +52,8 @@ class Fabric:
     friction: float = 0.0
     set_fraction: float = 0.0
     bending_hysteresis: float = 0.0
-    sticking: float = 1.0
-    stuck_rigidity: float = 20.0
+    tangential_ratio: float = 1.0
+    stuck_ratio: float = 20.0
     pattern: Pattern = JERSEY
     course_lengths: tuple = ()
 
@@ -65,8 +65,8 @@ class Fabric:
         _within("friction", self.friction, 0.0, 1.0)
         _within("set fraction", self.set_fraction, 0.0, 1.0)
         _within("bending hysteresis", self.bending_hysteresis, 0.0, 1.0, " N m")
-        _within("sticking", self.sticking, 1e-3, 1e3)
-        _within("stuck rigidity", self.stuck_rigidity, 1e-3, 1e6)
+        _within("tangential ratio", self.tangential_ratio, 1e-3, 1e3)
+        _within("stuck ratio", self.stuck_ratio, 1e-3, 1e6)
         if not isinstance(self.law, TensionLaw):
             raise InputError("law", self.law, "must be a TensionLaw")
         object.__setattr__(self, "pattern", Pattern.of(self.pattern))

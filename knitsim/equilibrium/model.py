@@ -78,10 +78,8 @@ class Model:
             return ()
         couple = ()
         if fabric.bending_hysteresis > 0.0:
-            couple = Couple(
-                fabric.bending_hysteresis, fabric.stuck_rigidity * fabric.bending_rigidity
-            )
-        shell = fabric.sticking * fabric.contact.shell(fabric.diameter)
+            couple = Couple(fabric.bending_hysteresis, fabric.stuck_ratio * fabric.bending_rigidity)
+        shell = fabric.tangential_ratio * fabric.contact.shell(fabric.diameter)
         return Rub(float(fabric.friction), float(shell), couple)
 
     @property

@@ -62,10 +62,10 @@ def tensile(
     if to_force is not None and not to_force > 0:
         raise InputError("to_force", to_force, "must be above 0 N/m")
     pulled, across = PULLED[direction]
-    start, load, free = _laterally(relaxed, pulled, across, lateral)
+    start, load, free = laterally(relaxed, pulled, across, lateral)
     length = (relaxed.wale_spacing, 0.0, 0.0, relaxed.course_spacing)
     base, width = length[pulled], length[across]
-    walk = _walk(relaxed, start, free, [pulled], load, increment, base, _strains_in(base))
+    walk = walk_from(relaxed, start, free, [pulled], load, increment, base, strains_in(base))
     at = relaxed.model.lattice + pulled
     top = None if to_force is None else to_force * width * relaxed.model.loops
     for cycle in range(1, cycles + 1):
@@ -79,7 +79,7 @@ def tensile(
         back = np.concatenate([strains[strains < peak - 1e-12][::-1], [0.0], SHORTER])
         if not walk.back(base * (1.0 + back)[:, None], cycle):
             break
-    curve = _curve(relaxed, walk, direction, pulled, base, width, free, load)
+    curve = curve_of(relaxed, walk, direction, pulled, base, width, free, load)
     if not estimate_error:
         return curve
 
@@ -104,9 +104,9 @@ def biaxial(relaxed, strains, *, increment=FRICTION_INCREMENT):
         raise InputError("strains", strains.min(), f"must be between -0.9 and {LARGEST_STRAIN:g}")
     base = np.array([relaxed.wale_spacing, relaxed.course_spacing])
     driven, load = [WALE_SPACING, COURSE_SPACING], np.zeros(4)
-    walk = _walk(relaxed, relaxed.y, (), driven, load, increment, base.min(), _strains_in(base))
+    walk = walk_from(relaxed, relaxed.y, (), driven, load, increment, base.min(), strains_in(base))
     walk.forward(base * (1.0 + strains))
-    return _curve(relaxed, walk, "biaxial", WALE_SPACING, base[0], base[1], (), load)
+    return curve_of(relaxed, walk, "biaxial", WALE_SPACING, base[0], base[1], (), load)
 
 
 def shear(
@@ -142,9 +142,9 @@ def shear(
     def told(target):
         return f"an angle of {math.degrees(math.atan(target[0] / base)):.4g} degrees"
 
-    walk = _walk(relaxed, start, free, [SHEAR], load, increment, base, told)
+    walk = walk_from(relaxed, start, free, [SHEAR], load, increment, base, told)
     walk.forward(base * np.tan(angles)[:, None])
-    curve = _curve(relaxed, walk, "shear", SHEAR, base, relaxed.wale_spacing, free, load)
+    curve = curve_of(relaxed, walk, "shear", SHEAR, base, relaxed.wale_spacing, free, load)
     rising = np.diff(np.abs(angles[: curve.steps]), prepend=0.0) >= 0.0
     curve = curve.replaced(
         strain=np.arctan(curve.strain + 1.0), phase=np.where(rising, LOADING, RECOVERY)
@@ -158,7 +158,7 @@ def shear(
     return estimated(relaxed, curve, increment, again)
 
 
-def _walk(relaxed, start, free, driven, load, increment, spacing, told):
+def walk_from(relaxed, start, free, driven, load, increment, spacing, told):
     """A :class:`.walk.Walk` in the plane; increment: of strain, with friction."""
     model = relaxed.model
     step = increment if model.rub else INCREMENT
@@ -168,7 +168,7 @@ def _walk(relaxed, start, free, driven, load, increment, spacing, told):
     )  # fmt: skip
 
 
-def _curve(relaxed, walk, test, pulled, base, width, free, load):
+def curve_of(relaxed, walk, test, pulled, base, width, free, load):
     """The rows of a walk as a :class:`.result.Curve`."""
     if not walk.rows:
         raise ComputationError(f"{test} test: no state was reached: {walk.reason}")
@@ -194,7 +194,7 @@ def _curve(relaxed, walk, test, pulled, base, width, free, load):
     )
 
 
-def _strains_in(base):
+def strains_in(base):
     """A function that tells spacings (m) as strains from those at rest, ``base``."""
 
     def told(target):
@@ -215,7 +215,7 @@ def _rising(name, values):
     return values
 
 
-def _laterally(relaxed, pulled, across, lateral):
+def laterally(relaxed, pulled, across, lateral):
     """Start, dead load (4,) and free lattice entries for a lateral condition."""
     load = np.zeros(4)
     if isinstance(lateral, str):

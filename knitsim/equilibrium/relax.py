@@ -64,7 +64,7 @@ class Relaxed:
     (J); residual (N); min_distance (diameters, NaN where nothing is near); iterations;
     crossings_intact.  stable: whether the energy without friction has a minimum here, by all unknowns of
     the cell; None for a symmetric cell, which cannot know (see :mod:`stability`).  memory: what
-    friction remembers of the way here, None where nothing has moved.
+    friction remembers of the way here, None where nothing has moved; history: that way.
     """
 
     model: Model
@@ -76,6 +76,7 @@ class Relaxed:
     crossings_intact: bool
     stable: bool | None
     memory: tuple | None = None
+    history: tuple = ()
 
     def __repr__(self):
         w, c = 1e3 * self.wale_spacing, 1e3 * self.course_spacing
@@ -196,7 +197,12 @@ def without(relaxed, kept):
     other = build_model(fabric, Resolution(model.cell.points, model.cell.contacts), kept)
     if model.held is not None:
         other = with_set(other, carried(other, model, model.held))
-    return settle(other, carried(other, model, relaxed.y), other.free(0, 3), relaxed.iterations)
+    state = settle(other, carried(other, model, relaxed.y), other.free(0, 3), relaxed.iterations)
+    if not relaxed.history:
+        return state
+    from knitsim.equilibrium.programme import handled
+
+    return handled(state, relaxed.history)
 
 
 def settle(model, y, free, used=0, scene=None):

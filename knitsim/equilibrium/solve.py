@@ -44,6 +44,21 @@ def gradient_at(model, scene, y):
     return work.gradient, float(np.sqrt(work.closest[0]))
 
 
+def force_at(model, scene, y, rub, memory):
+    """Derivatives by y (N) of energy and friction, which prescribed unknowns and dead loads hold."""
+    if rub == ():
+        return gradient_at(model, scene, y)[0] + scene.load
+    if model.sparse:
+        holder = new_sparse_work(model.cell, scene)
+        work, pairs = holder.work, sparse_pairs(scene, y, model.control.skin, holder)
+    else:
+        work = new_work(scene)
+        pairs = pairs_at(scene, y, model.control.skin, work)
+    slip = paths.begin_friction(scene, y, pairs, rub, memory, work)
+    energy_of(scene, y, pairs, slip, np.int64(1), work)
+    return work.gradient + scene.load
+
+
 def follow(model, scene, standing, targets, march, rub, trail):
     """As :func:`knitsim.equilibrium.kernels.follow.follow`."""
     if model.sparse:

@@ -6,7 +6,7 @@ from knitsim.equilibrium.kernels.accept import REACHED
 from knitsim.equilibrium.kernels.follow import March, Standing, new_trail
 from knitsim.equilibrium.relax import REASONS
 from knitsim.equilibrium.result import LOADING, RECOVERY
-from knitsim.equilibrium.solve import follow, gradient_at
+from knitsim.equilibrium.solve import follow, force_at
 
 FORCE_TOLERANCE = 1e-6  # relative, where a force is asked for
 _STATES = ("closest", "residual", "work", "lost", "iterations", "increments")
@@ -33,8 +33,8 @@ class Walk:
             model.free(*free), np.array(driven), np.array(over), float(largest), float(exact),
             float(widest), model.trace, model.expected, model.control,
         )  # fmt: skip
-        force = gradient_at(model, scene, start)[0] + scene.load
         memory = model.virgin if memory is None else memory
+        force = force_at(model, scene, start, self.rub, memory)
         self.here = Standing(start.copy(), force, np.zeros(start.size + 1), memory)
         self.work = self.lost = 0.0
         self.rows, self.labels = [], []
@@ -47,6 +47,10 @@ class Walk:
     @property
     def force(self):
         return self.here.force
+
+    def force_per_width(self, entry, width):
+        """Force on an unknown of the lattice over a width (N/m)."""
+        return self.force[entry] / self.model.loops / width
 
     def _go(self, targets):
         """Follow targets from the current state without moving on: trail, where it ends, reached, status."""
@@ -88,15 +92,31 @@ class Walk:
             if status != REACHED:
                 self._stop(status, targets[reached])
             return status == REACHED
+        if not self._to(targets, top, phase, cycle):
+            return False
+        if not self.arrived:
+            self.reason = "the last strain was reached before the force that was asked for"
+        return True
+
+    def to_force(self, targets, wanted, phase=LOADING, cycle=1):
+        """Go through targets up to the force ``wanted`` (N per cell), from either side."""
+        self.segment += 1
+        if self._to(targets, wanted, phase, cycle) and not self.arrived:
+            self.reason = f"no force of {wanted / self.model.loops:.4g} N per loop on the way"
+        return self.arrived
+
+    def _to(self, targets, wanted, phase, cycle):
+        at, self.arrived = self.march.driven[0], False
+        sign = 1.0 if self.force[at] < wanted else -1.0
         for target in targets:
             trail, there, _, status = self._go(target[None])
             if status != REACHED:
                 self._stop(status, target)
                 return False
-            if trail.force[0, self.march.driven[0]] >= top:
-                return self._to_force(top, trail, there, phase, cycle)
+            if sign * (trail.force[0, at] - wanted) >= 0.0:
+                self.arrived = self._to_force(wanted, trail, there, phase, cycle)
+                return self.arrived
             self._keep(trail, there, 1, phase, cycle)
-        self.reason = "the last strain was reached before the force that was asked for"
         return True
 
     def back(self, targets, cycle=1):
