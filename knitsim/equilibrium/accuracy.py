@@ -1,34 +1,70 @@
-"""How far off the forces and moments of a test are: one rule for all tests.
+"""How far off the forces and moments of a test are, and how to get them to an accuracy: one rule for all.
 
-The whole test is solved again from the same relaxed shape with twice the control points and twice the
-contact points, and with friction once more with twice the increment.  The differences are added and
-doubled: they fall at least with the square of the spacing of the points and in proportion to the
-increments, so that the finer solution lacks no more than the difference.  The error from the contact
-points wavers along the test; at each state the largest of its neighbourhood stands.
+A test is solved on one rung of a ladder of resolutions and on the next.  What changes from the one to the
+other is the estimated error of the finer: with contact points 1.5 times as dense the error falls at least
+threefold (measured order 2.5 and more), so that the finer lacks less than half of the change.  The error
+from the contact points wavers along the test; at each state the largest change of its neighbourhood
+stands.  With friction the test is also solved, on the coarser rung, in steps twice as long; the law is
+stepped implicitly, and its error falls at least in proportion to the step.
+
+Where an accuracy is asked for, rungs are climbed and steps halved until the estimate is met.
 """
+
+from dataclasses import replace
 
 import numpy as np
 
-from knitsim.equilibrium.model import build_model, refine, with_set
-from knitsim.equilibrium.relax import settle
+from knitsim.equilibrium.fabric import LEAST_POINTS, Resolution
+from knitsim.equilibrium.model import build_model, resampled, with_set
+from knitsim.equilibrium.relax import MOST_CONTACTS, TOO_CLOSE, refining, settle
 from knitsim.equilibrium.result import BendingCurve
-from knitsim.errors import ComputationError
+from knitsim.errors import ComputationError, InputError
 
-SAFETY = 2.0
+# Control points a loop, and contact points over those of the contact law's rule.
+LADDER = ((40, 0.7), (48, 1.0), (64, 1.5), (80, 2.25), (112, 3.4), (160, 5.0), (224, 7.5))
 FLOOR = 0.01  # of the largest: below it an error is measured against this
 AROUND = 2  # states on either side whose error may stand for a state
+DENSER = 1.5  # contact points where those there are stand too far apart
+SHARE = 0.5  # of the error asked for that is left to the increments, with friction
+HALVINGS = 5  # of the increment, at most
+LOOSEST, TIGHTEST = 0.5, 1e-6  # accuracies that may be asked for
+NEAR = 0.02  # of strain: how far the ends of two ways back may lie apart
 
 
-def fine_relaxed(relaxed):
-    """The relaxed state at twice the resolution, started from the same shape."""
+def resolution_at(fabric, rung, like):
+    """The Resolution of a rung for a fabric; like: another, whose kind of cell is kept."""
+    points, share = LADDER[rung]
+    rule = Resolution(points=LEAST_POINTS).contacts_for(fabric)
+    contacts = 4 * int(np.ceil(max(share * rule, 2 * points) / 4.0))
+    return replace(like, points=points, contacts=contacts)
+
+
+def coarser(resolution, fabric):
+    """The Resolution one rung below any."""
+    points = max(LEAST_POINTS, 4 * round(resolution.points / 4.8))
+    contacts = 4 * round(resolution.contacts_for(fabric) / 6.0)
+    return replace(resolution, points=points, contacts=max(contacts, 2 * points))
+
+
+def at_resolution(relaxed, resolution):
+    """The relaxed state solved again at another resolution, from the same shape."""
+    if resolution == relaxed.model.resolution:
+        return relaxed
+
+    def run(contacts, _):
+        return _at_resolution(relaxed, replace(resolution, contacts=contacts))
+
+    return refining(run, resolution.contacts)
+
+
+def _at_resolution(relaxed, resolution):
     model = relaxed.model
-    fabric = model.fabric
-    fine = build_model(fabric, model.resolution.refined(fabric), model.cell.symmetries)
+    other = build_model(model.fabric, resolution, model.cell.symmetries)
     if model.held is not None:
         # The rest curvature belongs to the held loop, which must be found again.
-        held = settle(fine, refine(model, model.held, fine), fine.free())
-        fine = with_set(fine, held.y)
-    state = settle(fine, refine(model, relaxed.y, fine), fine.free(0, 3))
+        held = settle(other, resampled(model, model.held, other), other.free())
+        other = with_set(other, held.y)
+    state = settle(other, resampled(model, relaxed.y, other), other.free(0, 3))
     if not relaxed.history:
         return state
     from knitsim.equilibrium.programme import handled
@@ -36,62 +72,135 @@ def fine_relaxed(relaxed):
     return handled(state, relaxed.history)
 
 
-def estimated(relaxed, curve, increment, again):
-    """The curve with its estimated errors.
+def fine_relaxed(relaxed):
+    """The relaxed state at twice the resolution, started from the same shape."""
+    return at_resolution(relaxed, relaxed.model.resolution.refined(relaxed.model.fabric))
 
-    relaxed: where it starts from; increment: its largest step; again(relaxed, increment): the same test
-    from another relaxed state or in other steps.  NaN where a solution failed.
+
+def solved(relaxed, run, increment, accuracy=None, estimate_error=False):
+    """A test solved once, or with its error estimated, or to an accuracy.
+
+    run(relaxed, increment): the test; its result has ``place`` and ``value`` (:class:`.result.States`).
+    increment: largest step with friction.  accuracy: largest estimated error (1) that is asked for, None
+    for none; estimate_error: whether the error is estimated where no accuracy is asked for, at the
+    resolution of the relaxed state.  Where the last rung does not reach the accuracy, the result is that
+    of the last rung, and its error says how near it came.
+
+    Raises InputError for an accuracy out of range, ComputationError as the test does.
     """
-    try:
-        others = [again(fine_relaxed(relaxed), increment)]
-        if relaxed.model.rub:
-            steps = np.abs(np.diff(curve.place, prepend=0.0)).max()
-            others.append(again(relaxed, 2.0 * min(increment, steps) if steps > 0.0 else increment))
-    except ComputationError:
-        others = []
-    unknown = np.full(curve.steps, np.nan)
-    off = (
-        sum((_off(curve, other) for other in others), np.zeros(curve.steps)) if others else unknown
-    )
-    curve = curve.replaced(numerical_error=SAFETY * off / scale_of(curve.value))
+    model = relaxed.model
+    if accuracy is None:
+        if not estimate_error:
+            return _fine(run, relaxed, increment)[0]
+        rungs = [coarser(model.resolution, model.fabric), model.resolution]
+        accuracy = np.inf
+    elif not TIGHTEST <= accuracy <= LOOSEST:
+        raise InputError("accuracy", accuracy, f"must be between {TIGHTEST:g} and {LOOSEST:g}")
+    else:
+        rungs = [resolution_at(model.fabric, n, model.resolution) for n in range(len(LADDER))]
+    coarse, steps, failure, found = None, None, None, None
+    for resolution in rungs:
+        try:
+            curve, start = _fine(run, at_resolution(relaxed, resolution), increment)
+            if model.rub and steps is None:
+                curve, increment, steps = _stepped(start, run, increment, curve, accuracy)
+        except ComputationError as error:
+            failure = error
+            continue
+        found = _with_errors(curve, coarse, steps)
+        if coarse is not None and largest_error(found) <= accuracy:
+            break
+        coarse = curve
+    if found is None:
+        raise failure
+    return found
+
+
+def _fine(run, start, increment):
+    """The test, and where it started, with as many contact points as its states need."""
+    curve = run(start, increment)
+    while curve.ended == TOO_CLOSE and start.model.cell.contacts * DENSER <= MOST_CONTACTS:
+        contacts = 4 * int(np.ceil(start.model.cell.contacts * DENSER / 4.0))
+        start = at_resolution(start, replace(start.model.resolution, contacts=contacts))
+        curve = run(start, increment)
+    return curve, start
+
+
+def largest_error(curve):
+    """The largest estimated error of a result; infinite where one is not known."""
+    errors = [curve.numerical_error]
+    if isinstance(curve, BendingCurve):
+        errors.append(curve.change_error)
+    errors = np.concatenate(errors)
+    return float(errors.max()) if np.isfinite(errors).all() and errors.size else np.inf
+
+
+def _stepped(start, run, increment, curve, accuracy):
+    """The test in steps that are short enough, these steps, and the test in steps twice as long."""
+    twice = run(start, 2.0 * increment)
+    for _ in range(HALVINGS):
+        if np.isinf(accuracy):
+            break
+        if largest_error(_with_errors(curve, twice, None)) <= SHARE * accuracy:
+            break
+        increment /= 2.0
+        twice, curve = curve, run(start, increment)
+    return curve, increment, (curve, twice)
+
+
+def _with_errors(curve, coarse, steps):
+    """The curve with its errors: by a coarser solution, and by a pair in steps of two lengths."""
+    pairs = [] if coarse is None else [(curve, coarse)]
+    pairs += [] if steps is None else [steps]
+    if coarse is None and steps is None:
+        return curve
+    off = sum(_off(a, b, curve) for a, b in pairs)
+    curve = curve.replaced(numerical_error=off / scale_of(curve.value))
     if not isinstance(curve, BendingCurve):
         return curve
+    off = sum(_off(a, b, curve, a.flat_moment - b.flat_moment) for a, b in pairs)
     largest = np.abs(curve.value - curve.flat_moment).max()
-    changes = [_off(curve, other, other.flat_moment - curve.flat_moment) for other in others]
-    change = sum(changes, np.zeros(curve.steps)) if others else unknown
-    return curve.replaced(change_error=SAFETY * change / largest if largest > 0.0 else 0.0 * change)
+    return curve.replaced(change_error=off / largest if largest > 0.0 else 0.0 * off)
 
 
-def _off(curve, other, shift=0.0):
-    """Difference of the values of two solutions of a test, (steps,); the largest around each state.
+def _off(one, other, curve, shift=0.0):
+    """Difference of the values of two solutions at the states of a curve, (steps,).
 
-    States are matched one by one or, where the way back ends elsewhere, by place within phase and
-    cycle.  shift: by which the other's values are higher throughout.
+    The largest around each state; NaN where one of them did not come.  shift: by which the values of
+    the one are higher throughout.
     """
-    if other.steps == curve.steps and np.allclose(other.place, curve.place, rtol=1e-9, atol=1e-9):
-        return _neighbourhood(np.abs(other.value - shift - curve.value))
-    off = np.full(curve.steps, np.nan)
-    for cycle in np.unique(curve.cycle):
-        for phase in np.unique(curve.phase):
-            mine = np.flatnonzero((curve.cycle == cycle) & (curve.phase == phase))
-            theirs = np.flatnonzero((other.cycle == cycle) & (other.phase == phase))
-            if not len(mine) or not len(theirs):
-                continue
-            theirs = theirs[np.argsort(other.place[theirs])]
-            at = np.interp(curve.place[mine], other.place[theirs], other.value[theirs])
-            # Where it has not been, nothing is known, but for the end of the way back.
-            far = curve.place[mine] > other.place[theirs].max() + 1e-9
-            off[mine] = np.where(far, np.nan, np.abs(at - shift - curve.value[mine]))
-    return _neighbourhood(off)
+    return _neighbourhood(np.abs(_at(one, curve) - shift - _at(other, curve)))
+
+
+def _at(one, curve):
+    """Values of a solution at the states of another: one by one or, where the way back ends elsewhere, by
+    place within segment and phase."""
+    if one.steps == curve.steps and np.allclose(one.place, curve.place, rtol=1e-9, atol=1e-9):
+        return one.value
+    values = np.full(curve.steps, np.nan)
+    for segment in np.unique(curve.segment):
+        mine = np.flatnonzero(curve.segment == segment)
+        theirs = np.flatnonzero(one.segment == segment)
+        if not theirs.size:
+            continue
+        theirs = theirs[np.argsort(one.place[theirs])]
+        place, low, high = curve.place[mine], one.place[theirs[0]], one.place[theirs[-1]]
+        # The end of a way back to no force lies elsewhere by what the residual strain is off.
+        reached = (place >= low - NEAR) & (place <= high + NEAR)
+        at = np.interp(place, one.place[theirs], one.value[theirs])
+        values[mine] = np.where(reached, at, np.nan)
+    return values
 
 
 def scale_of(values):
     """What errors of a curve's values are measured against: the size, 1 % of the largest at least."""
-    return np.maximum(np.abs(values), FLOOR * np.abs(values).max())
+    return np.maximum(np.abs(values), FLOOR * np.abs(values).max(initial=0.0))
 
 
 def _neighbourhood(values):
     """Largest of the values within AROUND places; NaN where the value itself is."""
+    if not values.size:
+        return values
     padded = np.pad(values, AROUND, mode="edge")
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
     return np.where(np.isnan(values), np.nan, np.fmax.reduce(around, axis=1))

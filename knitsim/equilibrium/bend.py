@@ -23,8 +23,9 @@ that about the mean plane, and the mean over all cuts.
 
 import numpy as np
 
-from knitsim.equilibrium.accuracy import estimated
+from knitsim.equilibrium.accuracy import solved
 from knitsim.equilibrium.kernels.records import ANGLE, Bend
+from knitsim.equilibrium.relax import without
 from knitsim.equilibrium.result import DIRECTIONS, LOADING, RECOVERY, BendingCurve
 from knitsim.equilibrium.walk import Walk
 from knitsim.errors import InputError
@@ -37,14 +38,25 @@ WIDEST = 2.0  # times the spacings at the start (or their inverse): beyond, they
 MOST_UNKNOWNS = 6000  # of a cell: its whole Hessian and factor, kept here, take 0.9 GB
 
 
-def bend(relaxed, direction, curvatures, *, spacings="free", increment=None, estimate_error=False):
+def bend(
+    relaxed,
+    direction,
+    curvatures,
+    *,
+    spacings="free",
+    increment=None,
+    accuracy=None,
+    estimate_error=False,
+):
     """Bend the relaxed fabric through ``curvatures`` (1/m), in that order; a :class:`.result.BendingCurve`.
 
     direction: "course" or "wale", the one that becomes curved.  spacings: "free" or "held" (at the
     relaxed ones; then the moment is that about the mean plane, next to a pressure).  Friction between
     yarns and within them is that of the fabric, with what it remembers at rest.  increment: largest
-    change of curvature in one solved step (1/m), 25 with friction, 100 without.  estimate_error: fill
-    numerical_error and change_error, by solving the test again, finer and with other steps.
+    change of curvature in one solved step (1/m), 25 with friction, 100 without.  accuracy: largest
+    estimated error that is asked for, of the moment and of its change; resolution and increment are then
+    chosen to meet it.  estimate_error: fill numerical_error and change_error without asking for an
+    accuracy (:mod:`.accuracy`).
 
     A path that cannot be followed to its end gives the states reached and a stop_reason.  Raises
     InputError for names that make no sense, for curvatures tighter than the fabric is thick, and for
@@ -60,7 +72,7 @@ def bend(relaxed, direction, curvatures, *, spacings="free", increment=None, est
     curvatures = np.atleast_1d(np.asarray(curvatures, dtype=float))
     if curvatures.ndim != 1 or not curvatures.size:
         raise InputError("curvature", curvatures.tolist(), "must be a list of numbers (1/m)")
-    tightest = TIGHTEST / (np.abs(relaxed.centreline[:, 2]).max() + 0.5 * fabric.diameter)
+    tightest = TIGHTEST / (np.abs(relaxed.centrelines[:, :, 2]).max() + 0.5 * fabric.diameter)
     if not (np.abs(curvatures) <= tightest).all():
         raise InputError(
             "curvature",
@@ -72,11 +84,20 @@ def bend(relaxed, direction, curvatures, *, spacings="free", increment=None, est
         increment = FRICTION_INCREMENT if model.rub else INCREMENT
     if not 0.0 < increment < np.inf:
         raise InputError("increment", increment, "must be finite and above 0 1/m")
-    bent, at = DIRECTIONS[direction], model.lattice
+
+    def run(start, increment):
+        return _bend(start, direction, curvatures, spacings, increment, EXACT * tightest)
+
+    return solved(without(relaxed, "bent"), run, increment, accuracy, estimate_error)
+
+
+def _bend(relaxed, direction, curvatures, spacings, increment, exact):
+    model, bent = relaxed.model, DIRECTIONS[direction]
+    at = model.lattice
     walk = Walk(
         model.dense, model.scene._replace(bend=Bend(bent)), relaxed.y,
         free=(0, 3) if spacings == "free" else (), driven=[at + ANGLE], over=[at + 3 * bent],
-        largest=increment, exact=EXACT * tightest, widest=WIDEST,
+        largest=increment, exact=exact, widest=WIDEST,
         told=lambda target: f"curvature {target[0]:.6g} 1/m", memory=turned(relaxed.memory, bent),
     )  # fmt: skip
     width = (relaxed.course_spacing, relaxed.wale_spacing)[bent]
@@ -85,8 +106,9 @@ def bend(relaxed, direction, curvatures, *, spacings="free", increment=None, est
     states, force = walk.states()
     steps = len(states["y"])
     states["phase"], states["cycle"] = phases_of(curvatures[:steps])
-    curve = BendingCurve(
+    return BendingCurve(
         **states,
+        start=relaxed,
         direction=direction,
         spacings=spacings,
         width=width,
@@ -95,13 +117,6 @@ def bend(relaxed, direction, curvatures, *, spacings="free", increment=None, est
         moment_per_width=force[:, at + ANGLE] / model.loops / width,
         change_error=np.full(steps, np.nan),
     )
-    if not estimate_error or not steps:
-        return curve
-
-    def again(start, largest):
-        return bend(start, direction, curve.curvature, spacings=spacings, increment=largest)
-
-    return estimated(relaxed, curve, increment, again)
 
 
 def turned(memory, bent):

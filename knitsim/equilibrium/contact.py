@@ -33,6 +33,7 @@ CORE, TABLE = 1, 2  # kinds of soft laws, see kernels.contact.soft_at
 # about d (B/(K d^3))^(1/4): a force B/d^2 presses them by delta diameters, K d delta^2 = B/d^2, and
 # their gap stays below that over sqrt(delta) d.  The factor makes it d/16 for a cotton jersey.
 BARRIER_SPACING, WIDEST, NARROWEST = 1.0 / 11.0, 1.0 / 8.0, 1.0 / 96.0
+BARRIER_SHELL = 8.914  # shell of the barrier law over K/d^2
 RATIO, DEEPEST = 1.03, 1e-3  # of the table: gap of one knot over that of the next; smallest gap
 TABLE_TOLERANCE, TOUCH_TOLERANCE = (
     1e-6,
@@ -128,9 +129,15 @@ class ContactLaw:
         return replace(self, **longer)
 
     def spacing(self, diameter, bending_rigidity):
-        """Spacing (m) of contact points along the yarn that the law needs."""
-        # Smooth over the shell, whatever the diameter.
-        return min(WIDEST * diameter, 2.0 * WIDEST * (diameter - self.core(diameter)))
+        """Spacing (m) of contact points along the yarn that the law needs where it is pressed little.
+
+        Smooth over the shell, and of a yarn without core as for the barrier of its stiffness.  Where
+        yarns are pressed close to a core, more points are taken (:func:`.relax.relax`).
+        """
+        barrier = self.shell(diameter) * diameter**2 / BARRIER_SHELL
+        slender = bending_rigidity / (barrier * diameter**3)
+        smooth = min(WIDEST * diameter, 2.0 * WIDEST * (diameter - self.core(diameter)))
+        return min(smooth, diameter * max(NARROWEST, BARRIER_SPACING * slender**0.25))
 
     def soft(self, diameter):
         """What the kernels need of it besides its stiffness: kind and parameters, or kind and table."""
@@ -212,10 +219,6 @@ class BarrierContact(ContactLaw):
 
     def soft(self, diameter):
         return ()
-
-    def spacing(self, diameter, bending_rigidity):
-        slender = bending_rigidity / (self.stiffness * diameter**3)
-        return diameter * min(WIDEST, max(NARROWEST, BARRIER_SPACING * slender**0.25))
 
 
 @dataclass(frozen=True)

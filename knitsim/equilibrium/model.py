@@ -187,13 +187,21 @@ def with_diameter(model, diameter):
     return replace(model, scene=model.scene._replace(law=contact.for_kernels(diameter)))
 
 
-def refine(model, y, fine):
-    """Unknowns of the ``fine`` model (twice the points) for exactly the curves of y."""
-    long = _continued(model, y, 1)
-    even = (long[:, :-2] + 6.0 * long[:, 1:-1] + long[:, 2:]) / 8.0
-    odd = 0.5 * (long[:, 1:-1] + long[:, 2:])
-    doubled = np.stack([even, odd], axis=2).reshape(len(long), -1, 3)
-    return cells.pack(fine.cell, doubled, y[model.lattice :])
+def resampled(model, y, other):
+    """Unknowns of another model of the same cell, with other points, for the curves of y."""
+    long, n, m = _continued(model, y, 2), model.cell.spans, other.cell.spans
+    step = model.cell.wales * np.array([*y[model.lattice : model.lattice + 2], 0.0])
+    if m == 2 * n:
+        # Subdivided, a spline is the very same curve.
+        even = (long[:, :-3] + 6.0 * long[:, 1:-2] + long[:, 2:-1]) / 8.0
+        odd = 0.5 * (long[:, 1:-2] + long[:, 2:-1])
+        control = np.stack([even, odd], axis=2).reshape(len(long), -1, 3)
+    else:
+        at = np.arange(m) * n / m
+        control = np.array(
+            [spline.interpolate_periodic(spline.evaluate(chain, at), step) for chain in long]
+        )
+    return cells.pack(other.cell, control, y[model.lattice :])
 
 
 def carried(model, other, y):

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from knitsim.equilibrium.accuracy import estimated
+from knitsim.equilibrium.accuracy import solved
 from knitsim.equilibrium.pull import (
     FRICTION_INCREMENT,
     LARGEST_STRAIN,
@@ -74,6 +74,7 @@ def programme(
     lateral="free",
     states=5,
     increment=FRICTION_INCREMENT,
+    accuracy=None,
     estimate_error=False,
 ):
     """Pull along ``direction`` to one turning point after another; a :class:`.result.Curve`.
@@ -81,7 +82,7 @@ def programme(
     turns: Strain and Force objects, in order; lateral: as in :func:`.pull.tensile`; states: that are kept
     on the way to each strain, the turning point the last of them; on the way to a force one about every 5
     % strain.  In the result ``segment`` numbers the turning points, ``phase`` says whether the fabric gets
-    longer, ``cycle`` counts how often it starts to.  increment, estimate_error: as in tensile.
+    longer, ``cycle`` counts how often it starts to.  increment, accuracy, estimate_error: as in tensile.
 
     A path that cannot be followed to its end gives the states reached and a stop_reason.  Raises
     InputError for turning points that make no sense.
@@ -92,6 +93,14 @@ def programme(
         raise InputError("turns", turns, "must be one or more of Strain and Force")
     if states < 1:
         raise InputError("states", states, "must be 1 or more")
+
+    def run(start, increment):
+        return _programme(start, direction, turns, lateral, states, increment)
+
+    return solved(relaxed, run, increment, accuracy, estimate_error)
+
+
+def _programme(relaxed, direction, turns, lateral, states, increment):
     pulled, across = PULLED[direction]
     start, load, free = laterally(relaxed, pulled, across, lateral)
     length = (relaxed.wale_spacing, 0.0, 0.0, relaxed.course_spacing)
@@ -109,23 +118,13 @@ def programme(
             way = np.linspace(here, turn.value, states + 1)[1:]
             done = walk.forward(base * (1.0 + way)[:, None], phase, max(cycle, 1))
         else:
-            sign = 1.0 if rises else -1.0
             end = LARGEST_STRAIN if rises else SHORTEST
-            way = here + sign * np.arange(PART, abs(end - here), PART)
+            way = here + np.sign(end - here) * np.arange(PART, abs(end - here), PART)
             wanted = turn.value * width * relaxed.model.loops
             done = walk.to_force(base * (1.0 + way)[:, None], wanted, phase, max(cycle, 1))
         if not done:
             break
-    curve = curve_of(relaxed, walk, direction, pulled, base, width, free, load)
-    if not estimate_error:
-        return curve
-
-    def again(start, increment):
-        return programme(
-            start, direction, turns, lateral=lateral, states=states, increment=increment
-        )
-
-    return estimated(relaxed, curve, increment, again)
+    return curve_of(relaxed, walk, direction, pulled, base, width, free, load)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from knitsim.equilibrium.accuracy import estimated
+from knitsim.equilibrium.accuracy import solved
 from knitsim.equilibrium.relax import settle, without
 from knitsim.equilibrium.result import LOADING, RECOVERY, Curve
 from knitsim.equilibrium.walk import Walk
@@ -38,6 +38,7 @@ def tensile(
     cycles=1,
     to_force=None,
     increment=FRICTION_INCREMENT,
+    accuracy=None,
     estimate_error=False,
 ):
     """Pull the fabric along ``direction`` ("course" or "wale"); a :class:`.result.Curve`.
@@ -47,8 +48,10 @@ def tensile(
     it).  recovery: go back through the same strains until the force is zero; that state, with the
     residual strain, is the last of the cycle.  cycles: how often to load and recover.  to_force: end
     loading at this force per width (N/m) where it comes before the last strain; that state is then
-    the last.  increment: largest strain of one solved step with friction.  estimate_error: fill
-    numerical_error, by solving the test again, finer and in other increments.
+    the last.  increment: largest strain of one solved step with friction.  accuracy: largest estimated
+    error of the force that is asked for, over max(|force|, 1 % of the largest); resolution and
+    increment are then chosen to meet it.  estimate_error: fill numerical_error without asking for an
+    accuracy (:mod:`.accuracy`).
 
     A path that cannot be followed to its end gives the states reached and a stop_reason.  Raises
     InputError for strains, forces or names that make no sense, ComputationError where the lateral
@@ -61,6 +64,14 @@ def tensile(
         raise InputError("cycles", cycles, "must be 1 or more, and recovery asked for above 1")
     if to_force is not None and not to_force > 0:
         raise InputError("to_force", to_force, "must be above 0 N/m")
+
+    def run(start, increment):
+        return _tensile(start, direction, strains, lateral, recovery, cycles, to_force, increment)
+
+    return solved(relaxed, run, increment, accuracy, estimate_error)
+
+
+def _tensile(relaxed, direction, strains, lateral, recovery, cycles, to_force, increment):
     pulled, across = PULLED[direction]
     start, load, free = laterally(relaxed, pulled, across, lateral)
     length = (relaxed.wale_spacing, 0.0, 0.0, relaxed.course_spacing)
@@ -79,17 +90,7 @@ def tensile(
         back = np.concatenate([strains[strains < peak - 1e-12][::-1], [0.0], SHORTER])
         if not walk.back(base * (1.0 + back)[:, None], cycle):
             break
-    curve = curve_of(relaxed, walk, direction, pulled, base, width, free, load)
-    if not estimate_error:
-        return curve
-
-    def again(start, increment):
-        return tensile(
-            start, direction, strains, lateral=lateral, recovery=recovery, cycles=cycles,
-            to_force=to_force, increment=increment,
-        )  # fmt: skip
-
-    return estimated(relaxed, curve, increment, again)
+    return curve_of(relaxed, walk, direction, pulled, base, width, free, load)
 
 
 def biaxial(relaxed, strains, *, increment=FRICTION_INCREMENT):
@@ -116,6 +117,7 @@ def shear(
     lateral="free",
     tension=0.0,
     increment=FRICTION_INCREMENT,
+    accuracy=None,
     estimate_error=False,
 ):
     """Shear the fabric in its plane, courses sliding over each other; a :class:`.result.Curve`.
@@ -123,16 +125,23 @@ def shear(
     angles: (rad) in the order visited, e.g. 0 to 8 degrees, to -8, to 0; the course a wale above
     moves by course_spacing tan(angle) of the relaxed state along the course.  lateral: wale spacing
     "free" or "held".  tension: force per width along the wale (N/m), kept throughout; the course
-    spacing is free.  force_per_width is the shear force over the relaxed wale spacing.  ``relaxed``
-    may be of any cell; shear has no mirror symmetry, and the state is carried over into a cell without.
-    estimate_error: as in tensile.
+    spacing is free.  force_per_width is the shear force over the relaxed wale spacing.  Shear has no
+    mirror symmetry; the state is carried over into a cell without.  accuracy, estimate_error: as in
+    tensile.
     """
     angles = np.asarray(angles, dtype=float)
     if angles.ndim != 1 or not angles.size or not (np.abs(angles) < 1.0).all():
         raise InputError("angles", angles.tolist(), "must be finite and within 1 rad")
     if lateral not in ("free", "held"):
         raise InputError("lateral", lateral, "must be free or held")
-    relaxed = without(relaxed, "sheared")
+
+    def run(start, increment):
+        return _shear(start, angles, lateral, tension, increment)
+
+    return solved(without(relaxed, "sheared"), run, increment, accuracy, estimate_error)
+
+
+def _shear(relaxed, angles, lateral, tension, increment):
     base = relaxed.course_spacing
     load = np.zeros(4)
     load[COURSE_SPACING] = tension * relaxed.wale_spacing
@@ -146,16 +155,9 @@ def shear(
     walk.forward(base * np.tan(angles)[:, None])
     curve = curve_of(relaxed, walk, "shear", SHEAR, base, relaxed.wale_spacing, free, load)
     rising = np.diff(np.abs(angles[: curve.steps]), prepend=0.0) >= 0.0
-    curve = curve.replaced(
+    return curve.replaced(
         strain=np.arctan(curve.strain + 1.0), phase=np.where(rising, LOADING, RECOVERY)
     )
-    if not estimate_error:
-        return curve
-
-    def again(start, increment):
-        return shear(start, angles, lateral=lateral, tension=tension, increment=increment)
-
-    return estimated(relaxed, curve, increment, again)
 
 
 def walk_from(relaxed, start, free, driven, load, increment, spacing, told):
@@ -181,6 +183,7 @@ def curve_of(relaxed, walk, test, pulled, base, width, free, load):
         forces[:, 1:3] = 0.0
     return Curve(
         **states,
+        start=relaxed,
         test=test,
         strain=y[:, at + pulled] / base - 1.0,
         wale_strain=y[:, at + COURSE_SPACING] / relaxed.course_spacing - 1.0,

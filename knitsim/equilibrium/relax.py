@@ -6,7 +6,7 @@ spacings of the start, these are free as it grows.  The stated spacings matter t
 it has taken a part of the curvature that it has in the loop held at these.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,7 +34,7 @@ REASONS = {
     NO_DESCENT: "no step lowered the energy although the residual is above the tolerance",
     NOT_FINITE: "energy or residual is not finite: yarns overlap too deeply",
     CROSSINGS_LOST: "yarns passed through each other (crossings lost)",
-    TOO_CLOSE: "yarns are squeezed closer together than their contact points stand",
+    TOO_CLOSE: "yarns are squeezed closer together than their contact points can tell",
     RAN_AWAY: "the free spacings run away (beyond half or twice those at rest)",
     NOT_SETTLED: "the normal forces of friction do not settle",
 }
@@ -47,13 +47,31 @@ _STARTS = (
 )  # fmt: skip
 _THIN = 16.0  # a start has room for a yarn of this part of the loop length
 _ROOM = 0.6  # smallest distance at a start, in the diameter then used
-_GROWTH, _GROWTH_STEPS = 1.25, 60  # of the diameter in one step; steps at most
-_CLEAR = 0.97  # a core takes at most this part of the smallest distance
+_GROWTH, _LEAST_GROWTH = 1.25, 1.002  # of the diameter in one step; below which it has no more room
+_CLEAR = 0.9  # of the gap between two cores, a core grows by this part in one step
 _LEAST_APART = 0.25  # diameters: closer, yarns at rest have run into each other
 RELAX_ITERATIONS, RELAX_TRUST = 1000, 6
+DENSER, REFINEMENTS, MOST_CONTACTS = (
+    1.25,
+    12,
+    4096,
+)  # contact points: more than just enough, tries, a loop
 # Search for states with less symmetry: loops in a cell at most, tries, disturbance (diameters), how much
 # less energy counts (of the energy), to what an operation must hold (diameters).
 MOST_DISTURBED, DISTURBANCES, DISTURBED, LESS, SYMMETRIC = 16, 2, 0.05, 1e-6, 0.02
+
+
+class TooCoarse(ComputationError):
+    """Contact points too far apart for how closely yarns are pressed.
+
+    contacts: that would do, a loop; y: the unknowns found, of a symmetric model without set, or None.
+    """
+
+    def __init__(self, contacts, y=None):
+        self.contacts, self.y = contacts, y
+        super().__init__(
+            f"relaxing the fabric: {REASONS[TOO_CLOSE]} ({contacts} contact points per loop would do)"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,12 +140,38 @@ def relax(fabric, resolution=None):
     and this state is reported, also where the loops would exchange yarn or turn sideways if nothing but
     friction kept them from it (Relaxed.stable).
 
-    Raises InputError for a resolution that is too coarse or a yarn for which the loop has no room, and
-    ComputationError where no start leads to an interlooped equilibrium.
+    Contact points are taken as many as the state found needs.  Raises InputError for a resolution that is
+    too coarse or a yarn for which the loop has no room, and ComputationError where no start leads to an
+    interlooped equilibrium.
     """
+    resolution = Resolution() if resolution is None else resolution
+
+    def run(contacts, y):
+        return _relax(fabric, replace(resolution, contacts=contacts), y)
+
+    return refining(run, resolution.contacts)
+
+
+def refining(run, contacts):
+    """run(contacts, y) with more contact points per loop as long as it is :class:`TooCoarse`.
+
+    y: the unknowns found before, or None.
+    """
+    y = None
+    for _ in range(REFINEMENTS):
+        try:
+            return run(contacts, y)
+        except TooCoarse as error:
+            if error.contacts > MOST_CONTACTS:
+                raise
+            contacts, y = error.contacts, error.y
+    return run(contacts, y)
+
+
+def _relax(fabric, resolution, y):
     model = build_model(fabric, resolution)
     one = symmetric_of(model)
-    y, used = _at_rest(one)
+    y, used = _at_rest(one, y)
     if not fabric.pattern.uniform:
         one, y, used = _without_symmetry(one, y, used)
         model = one if model.cell.symmetric else model
@@ -223,6 +267,8 @@ def settle(model, y, free, used=0, scene=None):
         status = CROSSINGS_LOST
     if status == CONVERGED and _run_into(model, np.sqrt(work.closest[0])):
         status = TOO_CLOSE
+    if status == CONVERGED:
+        check_fine(model, np.sqrt(work.closest[0]))
     if status != CONVERGED:
         raise ComputationError(
             f"relaxing the fabric: {REASONS[status]} (residual {residual:.3g} N)"
@@ -246,15 +292,34 @@ def _run_into(model, nearest):
     An unloaded yarn is squeezed to half its diameter at most; where the search for a start has pushed
     two places of it into each other, discrete contact points may hold them there.
     """
-    least = model.scene.touch.points[0].length
-    if not model.fabric.contact.core(model.fabric.diameter):
-        least = max(least, _LEAST_APART * model.fabric.diameter)
-    return nearest < least
+    return not model.scene.law.core and nearest < _LEAST_APART * model.fabric.diameter
 
 
-def _at_rest(model):
-    """Unknowns of an interlooped equilibrium with spacings near those at rest, and the iterations used."""
+def check_fine(model, nearest, y=None):
+    """Raises TooCoarse where contact points stand too far apart for a smallest distance (m) of yarns at y."""
+    if not np.isfinite(nearest):
+        return
+    needed = np.sqrt(nearest * (nearest - model.scene.law.core))
+    spacing = model.scene.touch.points[0].length
+    if spacing > needed:
+        contacts = model.cell.contacts * min(DENSER * spacing / max(needed, 1e-3 * spacing), 4.0)
+        raise TooCoarse(4 * int(np.ceil(contacts / 4.0)), y)
+
+
+def _at_rest(model, near=None):
+    """Unknowns of an interlooped equilibrium with spacings near those at rest, and the iterations used.
+
+    near: unknowns to begin with, of fewer contact points.
+    """
     length = model.fabric.loop_length
+    if near is not None:
+        try:
+            found = settle(model, near, model.free(0, 3))
+            return found.y, found.iterations
+        except TooCoarse as error:
+            raise TooCoarse(error.contacts, near) from None
+        except ComputationError:
+            pass
     reasons, thickest = [], 0.0
     for free in ((), (0, 3)):
         for y in _starting_shapes(model, length / KW, length / KC, reasons):
@@ -361,24 +426,32 @@ def _grow(model, y, free):
     core = model.fabric.contact.core(own) / own
     nearest = _nearest(model, y)
     diameter = min(own, nearest / max(_ROOM, core / _CLEAR))
-    total, reached = 0, 0.0
-    for _ in range(_GROWTH_STEPS):
+    total, reached, growth, good, status = 0, 0.0, _GROWTH, y.copy(), CONVERGED
+    while True:
         grown = model if diameter == own else with_diameter(model, diameter)
         status, used, *_ = minimise(model, grown.scene, y, model.free(*free), control)
         total += used
-        if status != CONVERGED:
-            return status, total, reached
-        if not (is_plain(model, y) if model.fabric.pattern.uniform else True):
-            return CROSSINGS_LOST, total, reached
-        reached = diameter
-        if diameter == own:
-            if _run_into(model, _nearest(model, y)):
-                return TOO_CLOSE, total, reached
-            return (CONVERGED if is_intact(model, y) else CROSSINGS_LOST), total, reached
-        diameter = min(own, _GROWTH * diameter)
+        if status == CONVERGED and model.fabric.pattern.uniform and not is_plain(model, y):
+            status = CROSSINGS_LOST
+        if status == CONVERGED:
+            reached, nearest, good = diameter, _nearest(model, y), y.copy()
+            if diameter == own:
+                if _run_into(model, nearest):
+                    return TOO_CLOSE, total, reached
+                check_fine(model, nearest, y)
+                return (CONVERGED if is_intact(model, y) else CROSSINGS_LOST), total, reached
+        else:
+            y[:] = good
+            growth = np.sqrt(growth)
+            if reached == 0.0:
+                return status, total, reached
+        diameter = growth * reached
         if core:
-            diameter = min(diameter, _nearest(model, y) * _CLEAR / core)
-    return TOO_MANY, total, reached
+            # The new core stays clear of what is there.
+            diameter = min(diameter, reached + _CLEAR * (nearest / core - reached))
+        if diameter < min(own, _LEAST_GROWTH * reached):
+            return NOT_FINITE if status == CONVERGED else status, total, reached
+        diameter = min(diameter, own)
 
 
 def _nearest(model, y):

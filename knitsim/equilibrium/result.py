@@ -8,7 +8,7 @@ import numpy as np
 from knitsim.equilibrium.cell import placed
 from knitsim.equilibrium.kernels.yarn import stretch_at
 from knitsim.equilibrium.model import Model, centreline
-from knitsim.equilibrium.relax import is_intact
+from knitsim.equilibrium.relax import Relaxed, is_intact
 from knitsim.loop.repeat import rolled
 
 LOADING, RECOVERY = 0, 1
@@ -23,13 +23,16 @@ class States:
     loop.  phase: 0 loading, 1 recovery; cycle: from 1; segment: number of the turning point that was
     walked towards, from 0.  energy (steps, 4): stretch, bend, contact, and what friction holds without
     sliding; work, dissipated (J): cumulative.  min_distance: diameters, NaN where nothing is near;
-    residual (N); iterations of Newton's method and increments since the last row.  y (steps, unknowns):
+    residual (N); iterations of Newton's method and increments since the last row.  start: the fabric at
+    rest that the test began with.  y (steps, unknowns):
     the states themselves.  memory: what friction remembers at the end.  stop_reason: not empty where a
-    test ends early; it then has fewer rows.  numerical_error (1): estimated error of the force or
-    moment over max(|it|, 1 % of the largest); NaN where it was not asked for or not found.
+    test ends early; it then has fewer rows; ended: the status of the solver that says so.
+    numerical_error (1): estimated error of the force or moment over max(|it|, 1 % of the largest); NaN
+    where it was not asked for or not found.
     """
 
     model: Model
+    start: Relaxed
     phase: np.ndarray
     cycle: np.ndarray
     segment: np.ndarray
@@ -43,6 +46,7 @@ class States:
     y: np.ndarray
     memory: tuple = field(default=(), repr=False)
     stop_reason: str = ""
+    ended: int = 0
     numerical_error: np.ndarray
 
     @property
@@ -140,11 +144,12 @@ class Curve(States):
             tension[i] = parts @ [stretch_at(one, self.model.scene.stretch)[1] for one in e]
         return strain, tension
 
-    def transverse_strain(self, relaxed):
+    @property
+    def transverse_strain(self):
         """Strain across the pull, from the relaxed state."""
         if self.test == "course":
-            return self.course_spacing / relaxed.course_spacing - 1.0
-        return self.wale_spacing / relaxed.wale_spacing - 1.0
+            return self.course_spacing / self.start.course_spacing - 1.0
+        return self.wale_spacing / self.start.wale_spacing - 1.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)

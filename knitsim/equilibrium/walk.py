@@ -38,7 +38,7 @@ class Walk:
         self.here = Standing(start.copy(), force, np.zeros(start.size + 1), memory)
         self.work = self.lost = 0.0
         self.rows, self.labels = [], []
-        self.segment, self.reason = -1, ""
+        self.segment, self.reason, self.ended = -1, "", REACHED
 
     @property
     def y(self):
@@ -77,6 +77,7 @@ class Walk:
             self.lost += trail.states.lost[count - 1]
 
     def _stop(self, status, target):
+        self.ended = status
         self.reason = f"{REASONS[status]}; stopped before {self.told(target)}"
 
     def forward(self, targets, phase=LOADING, cycle=1, top=None):
@@ -194,5 +195,6 @@ class Walk:
             y=y,
             memory=self.here.memory,
             stop_reason=self.reason,
+            ended=int(self.ended),
             numerical_error=np.full(steps, np.nan),
         ), force

@@ -192,7 +192,7 @@ class Predictor:
                 np.concatenate([[0.0], curve.force_per_width]),
                 np.concatenate([[LOADING], curve.phase]),
             )  # fmt: skip
-            across = np.concatenate([[0.0], curve.transverse_strain(relaxed)])
+            across = np.concatenate([[0.0], curve.transverse_strain])
             at = pulled.strain_at(np.append(forces, pretension))
             found = {"strain": at, "transverse_strain": _at_strain(pulled.strain, across, at)}
             found = {name: from_pretension(v[:-1], v[-1]) for name, v in found.items()}

@@ -164,7 +164,7 @@ def curve_dataset(curve, relaxed, breaking_strain, steps=None, along="strain"):
         "force_per_width": curve.force_per_width,
         "yarn_tension": curve.yarn_tension,
         "yarn_strain": curve.yarn_strain,
-        "transverse_strain": curve.transverse_strain(relaxed),
+        "transverse_strain": curve.transverse_strain,
     }
     return states_dataset(curve, own, curve.centreline, {along: curve.strain}, status)
 

@@ -118,12 +118,16 @@ def new_trail(states, unknowns):
 
 @njit
 def resolved(scene, work):
-    """Whether yarns, in the state whose energy was taken last, are further apart than contact points.
+    """Whether contact points are close enough to see the contacts, in the state whose energy was taken last.
 
-    Contact points further apart than the yarns no longer see a crossing.
+    Of two yarns that cross at the distance D, with the gap D - core, the energy falls off along the yarn
+    within sqrt(2 D (D - core)); sums over points a part h of that apart are off by 2 exp(-2 pi/h).
     """
     points = scene.touch.points
-    return points.size == 0 or work.closest[0] >= points[0].length ** 2
+    if points.size == 0 or not math.isfinite(work.closest[0]):
+        return True
+    distance = math.sqrt(work.closest[0])
+    return distance * (distance - scene.law.core) >= points[0].length ** 2
 
 
 @njit
