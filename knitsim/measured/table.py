@@ -1,0 +1,425 @@
+"""Where in a sheet a measured curve stands: preamble, header, units, rows, and what is left out.
+
+A file has a header above its rows of numbers, with the units in it or in a row below; what stands
+before is the preamble (``Gauge length; 100.00; mm`` or ``# gauge_length_mm: 100``).  Rows below the
+numbers that begin with a word are a summary; the header again begins another cycle or specimen.
+"""
+
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from knitsim.errors import InputError
+from knitsim.measured.names import CONDITIONS, FAMILIES, QUANTITIES, heading, plain
+from knitsim.store.sheet import NUMERIC, decimal_sign, is_missing, number_in, number_of, numbers_of
+from knitsim.units import COUNT_UNITS, parsed
+
+# Families of columns that make a curve.
+PAIRS = (("lengthening", "force"), ("curvature", "moment"), ("thickness", "force"))
+STRAYS = 3  # rows of numbers below a line of text that may be left out as no part of the curve
+_VALUE = re.compile(r"^(.*?\w.*?)\s*[:=]\s*(.+)$", re.DOTALL)
+_NUMBER_UNIT = re.compile(r"^([+\-−]?[\d.,' \xa0]*\d)\s*(.*)$")
+_CYCLE = re.compile(r"\b(cycle|zyklus|loop|ramp)\b", re.IGNORECASE)
+_SPECIMEN = re.compile(r"\b(specimen|sample|probe|pr.fling|.prouvette|versuch|test|run)\b", re.IGNORECASE)
+
+
+@dataclass(eq=False)
+class Table:
+    """The rows of a curve as they stand in a file.
+
+    headings: of the columns.  rows: lists of cells, lines: their numbers in the file.  breaks: (number
+    of the first row, "cycle" or "specimen") of each part after the first.  conditions: {name: (line,
+    Heading, text)} of the preamble.  left_out: (first line, last line, why).  sign: decimal sign.
+    """
+
+    where: str
+    headings: list
+    header_line: int
+    rows: list
+    lines: np.ndarray
+    conditions: dict
+    comments: list
+    delimiter: str
+    breaks: list = field(default_factory=list)
+    left_out: list = field(default_factory=list)
+    notes: list = field(default_factory=list)
+    sign: str = ""
+
+    def place(self, row):
+        return f"{self.where}:{self.lines[row]}"
+
+    def cells(self, column):
+        return [row[column] if column < len(row) else "" for row in self.rows]
+
+    def numbers(self, column):
+        """The numbers of a column, (n,); NaN for blank cells and what is no number."""
+        return numbers_of(self.cells(column), self.sign)
+
+    def refuse_cells(self, column, numbers):
+        """InputError for the first cell of a column that is no number."""
+        bad = np.flatnonzero(~np.isfinite(numbers))
+        if bad.size:
+            cell = self.cells(column)[bad[0]]
+            finite = "a finite number" if is_missing(cell) or number_in(str(cell), ".") else "a number"
+            raise InputError(
+                f"{self.place(bad[0])}: {self.headings[column].text}", repr(cell), f"must be {finite}"
+            )
+
+
+def header_of(sheet, where, skip, wanted):
+    """A :class:`Table` of ``sheet`` whose rows are all that stand below the header.
+
+    skip: lines to pass over, a number of first lines or a list of line numbers.  wanted: whether a list
+    of headings can be that of the curve.  Raises InputError if there are no rows of numbers; without a
+    header that is wanted, the best one is returned, for a message about its columns.
+    """
+    rows, lines = _without(sheet, skip)
+    n, at, rejected = len(rows), 0, []
+    while at < n:
+        if _kind(rows[at]) != "numbers":
+            at += 1
+            continue
+        after = [kind for row in rows[at + 1 : at + 12] if (kind := _kind(row)) not in ("", "#")][:2]
+        head = _header_above(rows, at)
+        if head and wanted(head[0]):
+            return _begin(sheet, where, rows, lines, at, head)
+        if all(kind == "numbers" for kind in after):
+            rejected.append((at, head))
+        while at < n and _kind(rows[at]) in ("numbers", ""):
+            at += 1
+    for i in range(n):
+        # A header without any numbers below it.
+        if _kind(rows[i]) == "text" and wanted(found := [heading(cell) for cell in rows[i]]):
+            return _begin(sheet, where, rows, lines, n, (found, i))
+    if not any(_kind(row) not in ("", "#") for row in rows):
+        raise InputError(where, "no data", "must have a header line and lines of numbers")
+    if not rejected:
+        i = next(i for i in range(n) if _kind(rows[i]) not in ("", "#"))
+        raise InputError(
+            f"{where}:{lines[i]}", shown(rows[i]),
+            "no lines of two or more numbers were found: must have a header and columns of numbers",
+        )  # fmt: skip
+    at, head = max(rejected, key=lambda one: one[1] is not None)
+    if head is None:
+        head = [heading("") for _ in rows[at]], None
+    return _begin(sheet, where, rows, lines, at, head)
+
+
+def _without(sheet, skip):
+    if skip is None:
+        return sheet.rows, sheet.lines
+    passed = set(range(1, skip + 1)) if isinstance(skip, int) else set(map(int, skip))
+    kept = [i for i, line in enumerate(sheet.lines) if line not in passed]
+    return [sheet.rows[i] for i in kept], [sheet.lines[i] for i in kept]
+
+
+def _filled(row):
+    return [cell for cell in row if cell != ""]
+
+
+def _is_number(cell):
+    return isinstance(cell, float) or NUMERIC.fullmatch(cell) is not None
+
+
+def _kind(row):
+    """Of a row: "" for blank, "#" for a comment, "numbers" or "text"."""
+    filled = _filled(row)
+    if not filled:
+        return ""
+    if isinstance(filled[0], str) and filled[0].startswith("#"):
+        return "#"
+    numbers = sum(map(_is_number, filled))
+    return "numbers" if numbers > 1 and 2 * numbers >= len(filled) else "text"
+
+
+def _header_above(rows, at):
+    """(headings, number of their row) above the row ``at``, with the units of a row between; None."""
+    texts, comment, i = [], None, at - 1
+    while i >= 0 and len(texts) < 3:
+        kind = _kind(rows[i])
+        if kind == "numbers" or (texts and kind != "text"):
+            break
+        if kind == "text":
+            texts.append(i)
+        elif kind == "#" and comment is None:
+            comment = i
+        i -= 1
+    if not texts:
+        # Written by numpy.savetxt and the like.
+        if comment is None or len(_filled(rows[comment])) < 2:
+            return None
+        cells = [str(cell).lstrip("# ") for cell in rows[comment]]
+        return [heading(cell) for cell in cells], comment
+    names = heads = [heading(cell) for cell in rows[texts[0]]]
+    if len(texts) > 1:
+        names = [heading(cell) for cell in rows[texts[1]]]
+        units = [parsed(str(cell)) if cell != "" else None for cell in rows[texts[0]]]
+        filled, spelt = len(_filled(rows[texts[0]])), sum(unit is not None for unit in units)
+        known = sum(one.family is not None or one.name in _SINGLE for one in names)
+        if known > 1 and (2 * spelt >= filled or known > sum(one.family is not None for one in heads)):
+            return _with_units(names, units), texts[1]
+    return heads, texts[0]
+
+
+_SINGLE = ("f", "k", "m", "e", "t")
+
+
+def _with_units(names, units):
+    units += [None] * (len(names) - len(units))
+    return [
+        one.with_unit(unit) if unit is not None and (one.unit is None or one.unit.text == unit.text) else one
+        for one, unit in zip(names, units, strict=False)
+    ]  # fmt: skip
+
+
+def _begin(sheet, where, rows, lines, at, head):
+    headings, names = head
+    headings = list(headings)
+    while headings and not headings[-1].text:
+        headings.pop()
+    conditions, comments = {}, []
+    for i in range(at):
+        if i == names:
+            continue
+        _preamble(conditions, comments, rows[i], lines[i], where, sheet.delimiter)
+    table = Table(
+        where, headings, lines[names] if names is not None else 0, rows[at:], np.array(lines[at:], dtype=int),
+        conditions, comments, sheet.delimiter,
+    )  # fmt: skip
+    for i, row in enumerate(table.rows):
+        if row and isinstance(row[0], str) and row[0].startswith("#"):
+            _preamble(conditions, comments, row, table.lines[i], where, sheet.delimiter)
+    return table
+
+
+def _preamble(conditions, comments, row, line, where, delimiter):
+    """Take up what a row states of the whole file."""
+    filled = _filled(row)
+    if not filled:
+        return
+    if str(filled[0]).startswith("#"):
+        joined = delimiter.strip().join(map(str, row)).strip(f"{delimiter} ").lstrip("# ")
+        comment = joined if delimiter != " " else " ".join(map(str, row)).lstrip("# ")
+        found = _VALUE.match(comment)
+        if found is None or not _take(conditions, heading(found[1]), found[2], line, where):
+            comments.append(comment)
+        return
+    cells = [str(cell) for cell in row]
+    for i, cell in enumerate(cells):
+        if not cell or _is_number(cell):
+            continue
+        stated = _VALUE.match(cell)
+        if stated and heading(stated[1]).condition:
+            _take(conditions, heading(stated[1]), stated[2], line, where)
+        elif (one := heading(cell)).condition:
+            behind = [other for other in cells[i + 1 :] if other][:2]
+            if behind:
+                unit = behind[1] if len(behind) > 1 and parsed(behind[1]) and not _is_number(behind[1]) else ""
+                _take(conditions, one, f"{behind[0]} {unit}".strip(), line, where)
+
+
+def _take(conditions, one, text, line, where):
+    """Whether ``one`` is a condition; it is taken up, unless its value is words."""
+    name = one.condition
+    words = not any(c.isdigit() for c in text)
+    if name is None or (words and name != "decimal_sign" and "_" not in one.text):
+        return False
+    if name in conditions and (conditions[name][1].unit, conditions[name][2]) != (one.unit, text):
+        raise InputError(f"{where}:{line}", repr(f"{one.text}: {text}"), f"gives the {name} again")
+    conditions[name] = (line, one, text)
+    return True
+
+
+def condition_value(entry, where, sign):
+    """(SI value, powers of its unit) of a condition of the preamble: (line, Heading, text).
+
+    sign: decimal sign of the file.  Raises InputError for what is no value, or could be two.
+    """
+    line, one, text = entry
+    here, unit = f"{where}:{line}: {one.condition}", one.unit
+    spelt = text
+    for count in COUNT_UNITS:
+        if re.match(rf"{count}\s*\d", text):
+            spelt = f"{text[len(count) :].strip()} {count}"
+    match = _NUMBER_UNIT.match(spelt)
+    if not match:
+        raise InputError(here, repr(text), "must be a number")
+    number, tail = match.groups()
+    if tail:
+        own = heading(f"count ({tail})").unit
+        if own is None:
+            raise InputError(here, repr(text), "must be a number and a unit that is known")
+        unit = own
+    powers, example, _ = CONDITIONS[one.condition]
+    if unit is None:
+        raise InputError(here, repr(text), f"lacks its unit: state {example}")
+    if unit.powers not in powers:
+        raise InputError(here, repr(unit.text), f"is no unit of it: state {example}")
+    possible = {value for s in ".," if (value := number_in(number.strip(), s)) is not None}
+    if len(possible) > 1 and sign and sign in number:
+        possible = {number_in(number.strip(), sign)}
+    if len(possible) > 1:
+        raise InputError(here, repr(number), f"may have a decimal sign or one between thousands: state {example}")
+    if not possible:
+        raise InputError(here, repr(number), "must be a number")
+    value = possible.pop()
+    if not value > 0:
+        raise InputError(here, number, "must be above 0")
+    if unit.factor != unit.factor:
+        from knitsim.units import to_si
+
+        return to_si(value, unit.text), unit.powers
+    return value * unit.factor, unit.powers
+
+
+def take_rows(table, pairs, used, sign):
+    """Keep the rows of numbers of a :class:`Table`, note the others, settle its decimal sign.
+
+    pairs: (column of x, column of y) of each specimen; used: all columns that are read; sign: the decimal
+    sign if it is stated.  Raises InputError for rows that make no sense.
+    """
+    if not _all_numbers(table, used):
+        _sort_rows(table, pairs)
+    if sign is None:
+        cells = [cell for column in used for cell in table.cells(column) if cell != ""]
+        owners = [(column, i) for column in used for i, cell in enumerate(table.cells(column)) if cell != ""]
+        sign = decimal_sign(cells, lambda k: table.place(owners[k][1]), table.delimiter)
+    table.sign = sign
+    for kind in ("specimen", "cycle"):
+        if not table.breaks:
+            _parts_by_column(table, kind)
+
+
+def _all_numbers(table, used):
+    """Whether every row is one of numbers, as wide as the header, which is quickly seen."""
+    while table.rows and not _filled(table.rows[-1]):
+        table.rows.pop()
+    table.lines = table.lines[: len(table.rows)]
+    width = len(table.headings)
+    if not table.rows or not all(len(row) == width for row in table.rows):
+        return False
+    for column in used:
+        cells = [row[column] for row in table.rows]
+        try:
+            if any("," in cell for cell in cells):
+                cells = [cell.replace(",", ".") for cell in cells if cell.count(",") < 2 and "." not in cell]
+            if len(cells) < len(table.rows) or not np.isfinite(np.array(cells, dtype=float)).all():
+                return False
+        except (AttributeError, TypeError, ValueError):
+            return False
+    return True
+
+
+def _sort_rows(table, pairs):
+    headings, width = [one.text.casefold() for one in table.headings], len(table.headings)
+    kept, odd, closed, strays, label, fresh = [], [], None, [], "", False
+    for i, row in enumerate(table.rows):
+        kind = _kind(row)
+        if kind in ("", "#"):
+            continue
+        texts = [" ".join(str(cell).split()).casefold() for cell in row]
+        if sum(a == b and a != "" for a, b in zip(texts, headings, strict=False)) > 1:
+            table.left_out.append((*_span(table, i), "the header again"))
+            fresh, closed = bool(kept), None
+            continue
+        if fresh and not kind == "numbers" and all(parsed(text) or not text for text in texts):
+            continue  # its row of units
+        extra = [cell for cell in row[width:] if cell != "" and _is_number(cell)]
+        cells = [(_cell(row, x), _cell(row, y)) for x, y in pairs]
+        states = [tuple(map(_state, pair)) for pair in cells]
+        whole = [state == ("number", "number") for state in states]
+        if any(whole) and all(w or state == ("", "") for w, state in zip(whole, states, strict=True)):
+            if extra:
+                raise InputError(
+                    table.place(i), shown(row),
+                    f"has {len(_filled(row))} fields, must have the {width} of the header"
+                    + ("; a decimal comma needs semicolon or tab as the delimiter" * (table.delimiter == ",")),
+                )  # fmt: skip
+            if closed is not None:
+                strays.append(i)
+            else:
+                if fresh and kept:
+                    table.breaks.append((len(kept), label or "cycle"))
+                kept.append(i)
+                fresh, label = False, ""
+            continue
+        first = str(_filled(row)[0])
+        if not any("number" in state for state in states):
+            if _SPECIMEN.search(first) or _CYCLE.search(first):
+                label = "specimen" if _SPECIMEN.search(first) and not _CYCLE.search(first) else "cycle"
+            _preamble(table.conditions, table.comments, row, table.lines[i], table.where, table.delimiter)
+        odd.append(i)
+        if kept:
+            closed = i if closed is None else closed
+    if strays:
+        _refuse_strays(table, pairs, closed, strays)
+    _note_odd(table, pairs, odd, strays, kept)
+    table.rows, table.lines = [table.rows[i] for i in kept], table.lines[kept]
+
+
+def _refuse_strays(table, pairs, closed, strays):
+    """InputError if rows below the line ``closed`` look like a part of the curve."""
+    for x, y in pairs:
+        states = _state(_cell(table.rows[closed], x)), _state(_cell(table.rows[closed], y))
+        if "number" in states:
+            column = x if states[0] != "number" else y
+            bad = _cell(table.rows[closed], column)
+            what = "a finite number" if is_missing(bad) else "a number"
+            raise InputError(
+                f"{table.place(closed)}: {table.headings[column].text}", repr(bad), f"must be {what}"
+            )
+    if len(strays) > STRAYS:
+        raise InputError(
+            table.place(closed), shown(table.rows[closed]),
+            f"stands above {len(strays)} more rows of numbers: if they go on with the curve, state skip: "
+            f"[{table.lines[closed]}]; if not, leave them out of the file",
+        )  # fmt: skip
+
+
+def _note_odd(table, pairs, odd, strays, kept):
+    if not odd and not strays:
+        return
+    last = kept[-1] if kept else -1
+    for i in sorted([*odd, *strays]):
+        cell = str(_filled(table.rows[i])[0])
+        if i in strays:
+            why = "numbers below a line of text"
+        elif _is_number(cell):
+            why = "incomplete"
+        else:
+            why = "text" if i < last else f"below the data: {cell[:30]}"
+        table.left_out.append((*_span(table, i), why))
+
+
+def _span(table, i):
+    return int(table.lines[i]), int(table.lines[i])
+
+
+def _cell(row, column):
+    return row[column] if column < len(row) else ""
+
+
+def _state(cell):
+    if cell == "":
+        return ""
+    return "number" if _is_number(cell) and not is_missing(cell) else "text"
+
+
+def _parts_by_column(table, kind):
+    """Breaks where a column of cycle or specimen numbers changes."""
+    columns = [i for i, one in enumerate(table.headings) if one.family == kind]
+    if len(columns) != 1 or not table.rows:
+        return
+    cells = table.cells(columns[0])
+    changes = [i for i in range(1, len(cells)) if cells[i] != cells[i - 1]]
+    seen = len(set(cells))
+    if changes and len(changes) == seen - 1:
+        table.breaks = [(i, kind) for i in changes]
+        table.notes.append(f"{seen} {kind}s by the column {table.headings[columns[0]].text!r}")
+
+
+def shown(row):
+    """Cells of a row in quotes on one line, for a message."""
+    text = ", ".join(str(cell) for cell in row if cell != "")
+    return repr(text if len(text) <= 60 else text[:57] + "...")
