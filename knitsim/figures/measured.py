@@ -11,7 +11,6 @@ from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import style
 from knitsim.figures.states import PERCENT, fabric_name, heading, letter
-from knitsim.measured.fabric_curve import LOADING, from_pretension, zero_at
 from knitsim.study.measured_keys import GIVEN
 from knitsim.units import from_si, label
 
@@ -96,18 +95,16 @@ def _measured_handle(one, look):
 def _measured(ax, dataset, curves):
     """Measured points of the tension ``curves`` (numbers) with their bands; legend handles.
 
-    Strain counts from the pretension from which it is predicted in their direction.
+    Strain counts from where it is predicted from.
     """
     handles = []
     for k, number in enumerate(curves):
         one = dataset.isel(curve=number)
-        strain = from_si(_counted(dataset, one, "strain"), PERCENT)
+        strain = from_si(one.shifted_strain.values, PERCENT)
         force = from_si(one.measured_force_per_width.values, FORCE)
         recovery = one.measured_phase.values.astype(bool)
         look = _mark(k)
-        band = [
-            from_si(_counted(dataset, one, f"strain_{end}"), PERCENT) for end in ("low", "high")
-        ]
+        band = [from_si(one[f"shifted_strain_{end}"].values, PERCENT) for end in ("low", "high")]
         if np.isfinite(band[0]).any():
             ax.errorbar(
                 strain, force, xerr=[strain - band[0], band[1] - strain], color=style.BLACK,
@@ -117,20 +114,6 @@ def _measured(ax, dataset, curves):
             ax.plot(strain[part], force[part], linestyle="none", markerfacecolor=face, **look)
         handles.append(_measured_handle(one, look))
     return handles
-
-
-def _counted(dataset, one, quantity):
-    """A measured strain (n,) of the curve ``one``, from the pretension of its direction."""
-    direction = str(one.curve_direction.values)
-    to, own = float(dataset.predicted_pretension.sel(direction=direction)), float(one.pretension)
-    values = one[f"measured_{quantity}"].values
-    if to <= own:
-        return values
-    of = "transverse_strain" if quantity == "transverse_strain" else "strain"
-    loading = one.measured_phase.values == LOADING
-    loading &= np.isfinite(one[f"measured_{of}"].values)
-    force = one.measured_force_per_width.values[loading]
-    return from_pretension(values, zero_at(to, force, one[f"measured_{of}"].values[loading], own))
 
 
 def _curves_of(dataset, direction, test="tension"):
@@ -281,8 +264,8 @@ def _lateral(ax, datasets, direction, looks):
     for k, number in enumerate(_curves_of(first, direction)):
         one = first.isel(curve=number)
         ax.plot(
-            from_si(_counted(first, one, "strain"), PERCENT),
-            from_si(_counted(first, one, "transverse_strain"), PERCENT),
+            from_si(one.shifted_strain.values, PERCENT),
+            from_si(one.shifted_transverse_strain.values, PERCENT),
             linestyle="none", markerfacecolor="none", **_mark(k),
         )  # fmt: skip
     ax.set_xlabel(_strain_label(first, direction))

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from knitsim.errors import InputError
-from knitsim.measured.names import CONDITIONS, FAMILIES, QUANTITIES, heading, plain
+from knitsim.measured.answers import example, listed
+from knitsim.measured.names import CONDITIONS, FAMILIES, QUANTITIES, heading
 from knitsim.measured.table import condition_value, header_of, shown, take_rows
 from knitsim.measured.test import KINDS
-from knitsim.units import NONE, parsed, to_si
 
 BESIDE = {"tension": ("lateral_strain", "strain_low", "strain_high")}
 # A quantity that another column gives with the help of one value for the whole file, and how.
@@ -50,7 +50,9 @@ class Columns:
     def refused(self, quantity, point, right):
         """The InputError for a point: its line, and its number and heading as the file has them."""
         name, numbers = self.written[quantity]
-        return InputError(f"{self.where}:{self.lines[point]}: {name}", f"{numbers[point]:.9g}", right)
+        return InputError(
+            f"{self.where}:{self.lines[point]}: {name}", f"{numbers[point]:.9g}", right
+        )
 
     def part(self, first, end):
         """The rows from first to before end, as Columns of their own."""
@@ -61,79 +63,6 @@ class Columns:
             [(row - first, kind) for row, kind in self.breaks if first < row < end],
             self.conditions, self.comments, self.recognised, self.left_out, self.units,
         )  # fmt: skip
-
-
-class Answers:
-    """What the caller states of a file: columns {quantity_unit: heading or number}, unit {quantity or
-    heading: unit}, skip, decimal_sign ("comma" or "point"), and conditions {name: SI value}."""
-
-    def __init__(self, where, columns, unit, skip, decimal_sign, conditions):
-        self.where, self.skip = where, skip
-        self.conditions = {name: value for name, value in conditions.items() if value is not None}
-        self.columns, self.units = {}, {}
-        for key, column in (columns or {}).items():
-            one = heading(key)
-            if one.quantity is None:
-                raise InputError(
-                    f"{where}: columns", repr(key),
-                    f"must be a quantity with its unit, such as {_example('extension')} or {_example('force')}",
-                )  # fmt: skip
-            self.columns[one.quantity] = (one, column)
-        for key, text in (unit or {}).items():
-            one = parsed(str(text))
-            if one is None:
-                raise InputError(f"{where}: unit.{key}", repr(text), "is no unit that is known")
-            self.units[plain(str(key))] = one
-        if decimal_sign not in (None, "comma", "point"):
-            raise InputError(f"{where}: decimal_sign", decimal_sign, "must be comma or point")
-        self.sign = {None: None, "comma": ",", "point": "."}[decimal_sign]
-        for name, value in self.conditions.items():
-            if not (np.isfinite(value) and value > 0):
-                raise InputError(f"{where}: {name}", value, "must be finite and above 0")
-
-    def states(self, quantity):
-        """Whether the caller states the unit of a quantity, or of what it is derived from."""
-        family = next(name for name, own in FAMILIES.items() if quantity in own)
-        names = {plain(name) for name in (family, *FAMILIES[family])}
-        return bool(names & {*self.units, *map(plain, self.columns)}) or bool(
-            {one for one in self.units if heading(one).family == family}
-        )
-
-    def applied(self, headings):
-        """The headings with the units that are stated."""
-        found = []
-        for one in headings:
-            # Stated by the heading as it stands, its name, its family or a quantity it may be.
-            names = [plain(one.text), one.name, one.family or ""]
-            names += [plain(name) for name in FAMILIES.get(one.family, ())]
-            unit = next((self.units[name] for name in names if name in self.units), None)
-            found.append(one if unit is None else one.with_unit(unit))
-        return found
-
-    def numbers_of(self, quantity, headings):
-        """Numbers of the columns that are stated for a quantity; None if none is."""
-        if quantity not in self.columns:
-            return None
-        _, stated = self.columns[quantity]
-        text = str(stated).strip()
-        found = [i for i, one in enumerate(headings) if text and one.text.casefold() == text.casefold()]
-        found = found or [i for i, one in enumerate(headings) if plain(one.text) == plain(text) != ""]
-        if not found and text.isdigit() and 1 <= int(text) <= len(headings):
-            found = [int(text) - 1]
-        if not found:
-            raise InputError(
-                f"{self.where}: columns", repr(text), f"is no column; the headings are {_listed(headings)}"
-            )
-        return found
-
-
-def _example(quantity):
-    unit = QUANTITIES[quantity][1].replace("1/", "per_").replace("/", "_per_").replace(" ", "_")
-    return f"{quantity}_{unit.replace('%', 'percent')}"
-
-
-def _listed(headings):
-    return shown([one.text for one in headings])
 
 
 def columns_of(sheet, where, kind, answers, tension_is_fabric):
@@ -159,7 +88,9 @@ def columns_of(sheet, where, kind, answers, tension_is_fabric):
     sign = answers.sign
     if stated is not None and sign is None:
         if stated[2] not in ("comma", "point"):
-            raise InputError(f"{where}:{stated[0]}: decimal_sign", stated[2], "must be comma or point")
+            raise InputError(
+                f"{where}:{stated[0]}: decimal_sign", stated[2], "must be comma or point"
+            )
         sign = {"comma": ",", "point": "."}[stated[2]]
     kind = kind or _kind_of(table, answers, tension_is_fabric)
     chosen = _choose(table, kind, answers)
@@ -173,7 +104,9 @@ def columns_of(sheet, where, kind, answers, tension_is_fabric):
         one.recognised.append(f"specimen {number} of {len(found)}, side by side")
     first = found[0].recognised
     head = [sheet.how + {",": ", decimal comma", ".": "", "": ""}[table.sign]]
-    head += [f"{name} {_condition_text(table, name)}" for name in table.conditions if name in conditions]
+    head += [
+        f"{name} {_condition_text(table, name)}" for name in table.conditions if name in conditions
+    ]
     unused = [one.text for i, one in enumerate(table.headings) if one.text and not any(
         i in columns for one in chosen for columns in one.values()
     )]  # fmt: skip
@@ -223,7 +156,7 @@ def _kind_of(table, answers, fabric):
     if not quantities & {"strain", "extension", "force"}:
         return "tension"
     raise InputError(
-        f"{table.where}:{table.header_line}", _listed(table.headings),
+        f"{table.where}:{table.header_line}", listed(table.headings),
         "may be of a fabric or of a yarn: state direction and width of a fabric, or kind yarn_tension",
     )  # fmt: skip
 
@@ -243,7 +176,9 @@ def _choose(table, kind, answers):
                 raise _missing(table, quantity)
         for end, other in (("strain_low", "strain_high"), ("strain_high", "strain_low")):
             if end in one and other not in one:
-                raise InputError(f"{table.where}: {other}", None, "is missing; a band has both ends")
+                raise InputError(
+                    f"{table.where}: {other}", None, "is missing; a band has both ends"
+                )
         chosen.append(one)
     return chosen
 
@@ -255,7 +190,11 @@ def _specimens(headings):
     most = max(counts.values(), default=1)
     repeated = {name for name, count in counts.items() if count == most}
     forces = {one.name for one in headings if one.family in ("force", "moment")}
-    if most == 1 or not forces & repeated or any(counts[name] > 1 for name in counts if name not in repeated):
+    if (
+        most == 1
+        or not forces & repeated
+        or any(counts[name] > 1 for name in counts if name not in repeated)
+    ):
         return [range(len(headings))]
     # Two columns of force beside one of strain in two units are no two specimens.
     if len({one.quantity for one in headings if one.name in repeated & forces}) > 1:
@@ -328,15 +267,15 @@ def _missing(table, quantity):
     if not any(one.text for one in headings):
         return InputError(
             f"{table.where}:{table.lines[0] if len(table.lines) else 1}", shown(table.rows[0]),
-            f"has no header above it: state columns: {{{_example(accepted[-1])}: 1, ...}}, quantity with "
+            f"has no header above it: state columns: {{{example(accepted[-1])}: 1, ...}}, quantity with "
             "unit and the number of its column",
         )  # fmt: skip
     near = difflib.get_close_matches(quantity, [one.name for one in headings if one.name], 1, 0.6)
     hint = f" ({near[0]!r} is not known)" if near and near[0] != quantity else ""
     return InputError(
-        where, _listed(headings),
+        where, listed(headings),
         f"the header has no column for the {quantity.replace('_', ' ')}{hint}: name it, such as "
-        f"{' or '.join(map(_example, accepted))}, or state columns: {{{_example(accepted[-1])}: HEADING}}",
+        f"{' or '.join(map(_example, accepted))}, or state columns: {{{example(accepted[-1])}: HEADING}}",
     )  # fmt: skip
 
 
@@ -369,7 +308,9 @@ def _to_si(table, kind, chosen, conditions, answers):
         written[quantity] = (table.headings[column].text, numbers[rows])
         recognised.append(_said(table, column, quantity))
         for rival in columns[1:]:
-            recognised.append(_compare(table, quantity, columns[0], rival, values[quantity], rows, conditions))
+            recognised.append(
+                _compare(table, quantity, columns[0], rival, values[quantity], rows, conditions)
+            )
     left = list(table.left_out)
     place = {int(row): k for k, row in enumerate(rows)}
     breaks = [(place[row], what) for row, what in table.breaks if row in place]
@@ -388,7 +329,11 @@ def _pretension(value, kind, conditions):
     value, powers = value
     if kind == "tension" and powers == QUANTITIES["force"][0] and "width" in conditions:
         return value / conditions["width"]
-    if kind == "yarn_tension" and powers == QUANTITIES["tenacity"][0] and "linear_density" in conditions:
+    if (
+        kind == "yarn_tension"
+        and powers == QUANTITIES["tenacity"][0]
+        and "linear_density" in conditions
+    ):
         return value * conditions["linear_density"]
     return value
 
@@ -414,7 +359,9 @@ def _derived(table, column, quantity, numbers, conditions):
 
 def _said(table, column, quantity):
     one = table.headings[column]
-    unit = one.unit.text.strip("()[] ") if one.unit is not None else "a fraction, as no unit is stated"
+    unit = (
+        one.unit.text.strip("()[] ") if one.unit is not None else "a fraction, as no unit is stated"
+    )
     by = "" if one.quantity == quantity else f", over the {DERIVED[quantity][1].replace('_', ' ')}"
     if quantity == "force" and by:
         by = ", times the linear density"
@@ -443,5 +390,5 @@ def _compare(table, quantity, taken, rival, values, rows, conditions):
     raise InputError(
         f"{table.where}:{table.header_line}", both,
         f"only one column may give the {quantity.replace('_', ' ')}, and these differ: state columns: "
-        f"{{{_example(one.quantity)}: {one.text!r}}} or the other",
+        f"{{{example(one.quantity)}: {one.text!r}}} or the other",
     )  # fmt: skip

@@ -1,8 +1,8 @@
-"""What happens in the course of a measured test, and what cannot be true of it.
+"""What happens in the course of a measured test: loading between noise, holds, cycles, the break, the
+zero of the load cell, slack.
 
-Loading between noise, holds, cycles, the break, the zero of the load cell, slack: one rule for yarns and
-fabrics.  x is strain or curvature, y force or moment, (n,) in the order of the test; what is found are
-numbers of points.  Numbers that no yarn or fabric can have are refused with the slip that is likely.
+One rule holds for yarns and fabrics.  x is strain or curvature, y force or moment, (n,) in the order of
+the test; what is found are numbers of points.
 """
 
 import itertools
@@ -10,13 +10,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from knitsim.errors import InputError
-
 LEAST_LOADING = 4  # points of loading for a curve
 NOISE = 0.03  # part of the range of x, or of the largest y, by which noise may go back
 TURN = 0.05  # part of the whole range by which a test goes back where it turns; less is a fault
 ZERO = 0.005  # part of the largest force up to which a force at no strain is none
-UNSEEN = 0.03  # the same, where the file does not begin at no strain and it is read off by a line
+UNSEEN = 0.01  # the same, where the file begins later and the force at no strain is extrapolated
 AT_ONCE = 0.005  # part of the range of x within which a test begins
 _DROP = 0.9  # part of the largest force below which a record that ends has seen the break
 _FLAT = 1e-3  # part of the range within which x stands still
@@ -124,10 +122,16 @@ def course_of(columns, x, y):
             behind = [one for c in cycles[number + 1 :] for one in (c.loading, c.recovery)]
             tail = cycle.loading[last + 1 :]
             left_out.append((np.concatenate([tail, cycle.recovery, *behind]), "after the break"))
-            cycle.loading, cycle.recovery, cycle.broke = cycle.loading[: last + 1], np.arange(0), True
+            cycle.loading, cycle.recovery, cycle.broke = (
+                cycle.loading[: last + 1],
+                np.arange(0),
+                True,
+            )
             del cycles[number + 1 :]
             break
-    while len(cycles) > 1 and len(cycles[-1].loading) < LEAST_LOADING and not cycles[-1].recovery.size:
+    while (
+        len(cycles) > 1 and len(cycles[-1].loading) < LEAST_LOADING and not cycles[-1].recovery.size
+    ):
         left_out.append((cycles.pop().loading, "the beginning of another cycle"))
     return Course(cycles, left_out, tail)
 
@@ -153,7 +157,9 @@ def _runs(columns, x, rows):
         )  # fmt: skip
     for number, (rising, run) in enumerate(runs[1:], start=1):
         if rising and len(run) < LEAST_LOADING and number < len(runs) - 1:
-            raise disorder(columns, _x(columns), int(runs[number - 1][1][0]), "strain", "falls on loading")
+            raise disorder(
+                columns, _x(columns), int(runs[number - 1][1][0]), "strain", "falls on loading"
+            )
     return runs
 
 
@@ -191,21 +197,27 @@ def refuse_disorder(columns, cycle, x, y):
 def reading_at_start(x, y, loading):
     """(force at no strain, whether the file begins there, its uncertainty) of first loading.
 
-    Where it begins later, the line through the first fifth of the loading is read at no strain.
+    Where it begins later, a line and a parabola through the first third of the loading are read at no
+    strain; their mean counts, and half of what lies between them is uncertain.
     """
     own, force = x[loading], y[loading]
     span, largest = np.ptp(own), float(force.max())
     scatter = noise(own, force) if len(own) > 2 else 0.0
-    near = own <= own[0] + AT_ONCE * span
-    if abs(own[0]) <= AT_ONCE * max(span, own.max()) or own[0] <= 0.0 <= own[min(2, len(own) - 1)]:
-        count = int(near.sum())
-        found = float(force[near].mean()) if count > 2 else float(np.interp(0.0, own[:2], force[:2]))
+    if own[0] <= AT_ONCE * max(span, own.max()):
+        first = own <= max(own[0], 0.0) + AT_ONCE * span
+        count = int(first.sum())
+        if count > 2:
+            found = float(force[first].mean())
+        else:
+            low, high = np.sort(own[:2])
+            found = float(np.interp(0.0, [low, high], force[np.argsort(own[:2])]))
         return found, True, max(ZERO * largest, 4.0 * scatter / np.sqrt(max(1, count - 2)))
-    first = own <= own[0] + 0.2 * span
-    if first.sum() < 3:
-        first = np.arange(len(own)) < 3
-    slope, found = np.polyfit(own[first], force[first], 1)
-    return float(found), False, UNSEEN * largest
+    first = own <= own[0] + span / 3.0
+    first[:4] = True
+    line, parabola = (np.polyfit(own[first], force[first], degree)[-1] for degree in (1, 2))
+    return (
+        float(0.5 * (line + parabola)), False, float(UNSEEN * largest + 0.5 * abs(line - parabola)),
+    )  # fmt: skip
 
 
 def reading_of_tail(y, tail, largest):
@@ -337,130 +349,3 @@ def last_before_break(strain, force):
     while last > top and force[last] < force[last - 1] - 4 * scatter:
         last -= 1
     return last, True
-
-
-# ---- what cannot be true ----
-
-LARGEST_STRAIN = 5.0
-LIKELY_STRAIN = 2.0  # of a fabric, and the largest of a yarn, above which per cent are called fraction
-FABRIC_PERCENT, YARN_PERCENT = 0.02, 0.003  # below which a whole curve in per cent is a fraction
-SMALLEST_STRAIN = 1e-3  # of a fabric
-FORCES = (0.5, 3e4)  # N/m, of a fabric at its largest
-TENACITIES = (5e2, 5e6)  # N m/kg, of a yarn at its largest: 0.05 cN/tex and 5 N/tex
-STIFFEST = 3e8  # N m/kg, initial modulus of a yarn: 300 N/tex, beyond carbon
-CURVATURES = (1.0, 1e4)  # 1/m, at its largest
-RIGIDITIES = (0.01, 50.0)  # slope of moment by curvature over the rigidity of the yarns side by side
-STIFFEST_FABRIC = 1e-2  # N m, the same slope where the yarn is not known
-
-
-def _ask(columns, quantity, value, right, point=None):
-    name, numbers = columns.written[quantity]
-    point = int(np.argmax(np.abs(numbers))) if point is None else point
-    return InputError(f"{columns.where}:{columns.lines[point]}: {name}", value, right)
-
-
-def refuse_strain(columns, unit, stated):
-    """InputError for strains that no test reaches.
-
-    unit: of the column, as its heading states it, None if it states none; stated: whether the caller
-    states it, who then is right about per cent and fraction.
-    """
-    strain, fabric = columns.values["strain"], columns.kind == "tension"
-    most = float(strain.max())
-    shown, what = f"{most:.6g} at most", "fabric" if fabric else "yarn"
-    either = "state unit: {strain: percent}, or {strain: 1} if it is a fraction"
-    likely = LARGEST_STRAIN if unit is not None and fabric else LIKELY_STRAIN
-    if most > LARGEST_STRAIN or (most > likely and not stated):
-        slip = f"is it in per cent? then {either}" if unit is None else "is the unit or the gauge length right?"
-        raise _ask(columns, "strain", shown, f"no {what} is strained by more than {100 * likely:g} %: {slip}")
-    least = FABRIC_PERCENT if fabric else YARN_PERCENT
-    if unit is not None and unit.text.strip("()[] ") in ("%", "percent") and most < least and not stated:
-        raise _ask(
-            columns, "strain", f"{100 * most:.6g} % at most",
-            f"no test of a {what} is that small: is it a fraction? then {either}",
-        )  # fmt: skip
-    if fabric and most < SMALLEST_STRAIN:
-        raise _ask(
-            columns, "strain", shown,
-            f"must reach {SMALLEST_STRAIN:g}: no fabric test is that small; is it the wrong unit of "
-            "extension, or a fraction called per cent?",
-        )  # fmt: skip
-    for quantity, low, high in (("strain", -0.5, np.inf), ("lateral_strain", -1.0, LARGEST_STRAIN)):
-        values = columns.values.get(quantity, np.zeros(1))
-        for bad, right in ((values <= low, f"must be above {low:g}"), (values > high, f"must be at most {high:g}")):
-            if bad.any():
-                raise columns.refused(quantity, int(np.argmax(bad)), right)
-    for end, way in (("strain_low", 1.0), ("strain_high", -1.0)):
-        bad = way * (columns.values.get(end, strain) - strain) > 0
-        if bad.any():
-            side = "above" if way > 0 else "below"
-            raise columns.refused(end, int(np.argmax(bad)), f"must not be {side} the strain")
-
-
-def refuse_force(columns, stated):
-    """InputError for forces that no yarn or fabric bears; stated: whether the caller states the unit."""
-    fabric = columns.kind == "tension"
-    quantity = "force_per_width" if fabric else "force"
-    force, density = columns.values[quantity], columns.conditions.get("linear_density")
-    largest = float(force.max())
-    if not largest > 0:
-        raise _ask(columns, quantity, f"{largest:g} {'N/m' if fabric else 'N'} at most", "must rise above 0")
-    if stated:
-        return
-    if fabric and not FORCES[0] <= largest <= FORCES[1]:
-        raise _ask(
-            columns, quantity, f"{largest:.4g} N/m at most",
-            f"must be from {FORCES[0]:g} to {FORCES[1]:g} N/m for a knitted fabric: is the unit in the header "
-            "right? state unit: {force: ...} if it is not, or if it is",
-        )  # fmt: skip
-    if fabric or density is None:
-        return
-    right = "is the unit of the force right? state unit: {force: ...} if it is not, or if it is"
-    if not TENACITIES[0] <= largest / density <= TENACITIES[1]:
-        raise _ask(
-            columns, quantity, f"{largest:.4g} N, {1e-4 * largest / density:.4g} cN/tex at most",
-            f"must be from {1e-4 * TENACITIES[0]:g} to {1e-4 * TENACITIES[1]:g} cN/tex: {right}",
-        )  # fmt: skip
-    strain = columns.values["strain"]
-    order = np.argsort(strain, kind="stable")
-    at = np.linspace(strain.min(), strain.max(), 21)
-    modulus = float(np.diff(np.interp(at, strain[order], force[order])).max() / (at[1] - at[0]) / density)
-    if modulus > STIFFEST:
-        raise _ask(
-            columns, quantity, f"initial modulus {1e-6 * modulus:.4g} N/tex",
-            f"must be at most {1e-6 * STIFFEST:g} N/tex, no fibre is stiffer: is the strain a fraction called "
-            f"per cent? {right}",
-        )  # fmt: skip
-
-
-def refuse_bending(columns, curvature, moment, rigidity, stated):
-    """InputError for a bending test that no fabric gives; rigidity (N m): of its yarns side by side."""
-    largest = float(np.abs(curvature).max())
-    for wrong, right in (
-        (largest > CURVATURES[1], "at most 100 per cm"),
-        (largest < CURVATURES[0], "0.01 per cm or more at its largest"),
-    ):
-        if wrong:
-            raise _ask(
-                columns, "curvature", f"{largest / 100.0:.4g} per cm at most",
-                f"must be {right}: is the unit in the header right?",
-            )  # fmt: skip
-    if curvature.min() > NOISE * largest or curvature.max() < -NOISE * largest:
-        raise _ask(
-            columns, "curvature", f"{curvature.min() / 100.0:.4g} per cm at least",
-            "must pass the flat fabric, curvature 0: moments count from there",
-        )  # fmt: skip
-    slope = float(np.polynomial.polynomial.polyfit(curvature / largest, moment, 1)[1] / largest)
-    if not slope > 0:
-        raise _ask(
-            columns, "moment_per_width", f"mean slope {slope:.4g} N m",
-            "must rise with the curvature (both positive with the technical face convex)",
-        )  # fmt: skip
-    low, high = (part * rigidity for part in RIGIDITIES) if rigidity else (0.0, STIFFEST_FABRIC)
-    if not low <= slope <= high and not stated:
-        beside = f", {slope / rigidity:.3g} times that of its yarns side by side" if rigidity else ""
-        raise _ask(
-            columns, "moment_per_width", f"mean slope {slope:.4g} N m{beside}",
-            f"must be from {low:.2g} to {high:.2g} N m: is the unit in the header right? state unit: "
-            "{moment_per_width: ...} if it is not, or if it is",
-        )  # fmt: skip

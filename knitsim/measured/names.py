@@ -176,7 +176,9 @@ def heading(text):
 
 def _snake(text):
     """A heading in knitsim's own spelling, ``force_per_width_gf_per_cm`` or ``count_Ne``; None if not."""
-    name = re.sub(r"[\s()\[\]]+", "_", text.replace("%", " percent ").replace("/", "_per_")).strip("_")
+    name = re.sub(r"[\s()\[\]]+", "_", text.replace("%", " percent ").replace("/", "_per_")).strip(
+        "_"
+    )
     name = re.sub(r"_+", "_", name).replace("_1_per_", "_per_")
     for own in _OWN:
         if not name.lower().startswith(own):
@@ -187,6 +189,8 @@ def _snake(text):
             rest, number = numbered[1], int(numbered[3]) + (numbered[2] == ".")
         if rest[:1] not in ("", "_"):
             continue
+        if rest.startswith("_in_"):
+            return None  # Force in cN
         spelt = re.sub(r"^per_", "1/", rest[1:]).replace("_per_", "/").replace("_", ".")
         unit = _count(rest[1:]) or (parsed(spelt) if spelt else None)
         if rest and unit is None:

@@ -20,15 +20,27 @@ from pathlib import Path
 import numpy as np
 
 from knitsim.errors import InputError
+from knitsim.measured import corrected
 from knitsim.measured import course as course_
-from knitsim.measured.columns import Answers, columns_of
+from knitsim.measured.answers import Answers
+from knitsim.measured.columns import columns_of
 from knitsim.measured.names import CONDITIONS, heading
-from knitsim.measured.test import LOADING, RECOVERY, MeasuredTest, mean_of
+from knitsim.measured.test import KINDS, LOADING, RECOVERY, MeasuredTest, mean_of
 from knitsim.store.sheet import read_sheets
 from knitsim.units import from_si
 
 # Keys of a study that answer what a file leaves open, as keywords of read_measured.
-ANSWERS = ("columns", "unit", "skip", "decimal_sign", "sheet", "cycle", "zero", "slack", *CONDITIONS)
+ANSWERS = (
+    "columns",
+    "unit",
+    "skip",
+    "decimal_sign",
+    "sheet",
+    "cycle",
+    "zero",
+    "slack",
+    *CONDITIONS,
+)
 ZEROS, SLACKS = ("keep", "start", "tail"), ("find", "keep", "start")
 LEAST_POINTS = {"tension": 4, "bending": 4, "yarn_tension": 8, "yarn_compression": 4}
 
@@ -42,7 +54,7 @@ def read_measured(
     paths: of a text file as a machine or Excel writes it, in any encoding, delimiter and decimal sign, or
     of an .xlsx workbook; of several files, each of one specimen, a list.  kind: tension or bending of a
     fabric, yarn_tension, yarn_compression; without it, what the columns show.  direction: course or
-    wale, pulled or becoming curved.  name: in messages and results, the file's own without it.
+    wale, pulled or becoming curved, which a fit needs.  name: in messages and results, the file's own without it.
 
     What answers a question: columns {"extension_mm": heading or number of the column}; unit {quantity or
     heading: unit}; skip: number of first lines to pass over, or a list of lines; decimal_sign: "comma" or
@@ -59,6 +71,8 @@ def read_measured(
     right for a file that makes no sense or can be read in several ways.
     """
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
+    if kind is not None and kind not in KINDS:
+        raise InputError("kind", kind, f"must be {' or '.join(KINDS)}")
     if not paths:
         raise InputError("measured files", "[]", "must be one or more")
     for key, value, known in (("zero", zero, ZEROS), ("slack", slack, SLACKS)):
@@ -69,12 +83,40 @@ def read_measured(
     for path in paths:
         answers = Answers(str(path), columns, unit, skip, decimal_sign, stated)
         for one in _specimens_of(path, kind, answers, sheet, direction):
-            found.append(_test(one, direction, cycle, zero, slack or "find", rigidity, stated, answers))
+            found.append(
+                _test(one, direction, cycle, zero, slack or "find", rigidity, stated, answers)
+            )
     source = ", ".join(dict.fromkeys(Path(path).name for path in paths))
     name = name or Path(paths[0]).stem
     if len(found) == 1:
-        return replace(found[0], name=name, source=source, cycles=_named(found[0].cycles, name, source))
-    return mean_of([replace(one, name=f"{name} {k}", source=source) for k, one in enumerate(found, 1)], name, source)
+        return replace(
+            found[0], name=name, source=source, cycles=_named(found[0].cycles, name, source)
+        )
+    return mean_of(
+        [replace(one, name=f"{name} {k}", source=source) for k, one in enumerate(found, 1)],
+        name,
+        source,
+    )
+
+
+def read_entry(entry, paths, kind, **more):
+    """The MeasuredTest of a section of a study, {key: SI value}, that names its file and answers questions.
+
+    more: keywords of :func:`read_measured` beside those of the entry.
+    """
+    stated = {key: entry[key] for key in ANSWERS if entry.get(key) is not None}
+    return read_measured(paths, kind, entry.get("direction", ""), **(stated | more))
+
+
+def measured_test(fabric, name):
+    """The MeasuredTest ``name`` of a fabric of a study, a knitsim.study.study.FabricInput."""
+    entry = fabric["measured"][name]
+    # Yarns side by side: one along each course, two legs along each wale.
+    yarns = {"course": 1.0 / fabric["course_spacing"], "wale": 2.0 / fabric["wale_spacing"]}
+    rigidity = fabric.yarn["bending_rigidity"] * yarns[entry["direction"]]
+    return read_entry(
+        entry, fabric.measured_paths(name), entry["test"], name=name, rigidity=rigidity
+    )
 
 
 def _named(cycles, name, source):
@@ -93,7 +135,9 @@ def _conditions(where, given):
         elif one.condition and one.unit is not None and one.unit.factor == one.unit.factor:
             found[one.condition] = value * one.unit.factor
         else:
-            raise InputError(f"{where}: {key}", value, f"is not known; known are {', '.join(ANSWERS)}")
+            raise InputError(
+                f"{where}: {key}", value, f"is not known; known are {', '.join(ANSWERS)}"
+            )
     return found
 
 
@@ -110,15 +154,22 @@ def _specimens_of(path, kind, answers, sheet, direction):
     found, failed = {}, None
     for one in sheets:
         try:
-            found[one.name] = columns_of(one, f"{where}: {one.name}", kind, answers, bool(direction))
+            found[one.name] = columns_of(
+                one, f"{where}: {one.name}", kind, answers, bool(direction)
+            )
         except InputError as error:
             failed = failed or error
     if not found:
         raise failed
     if len(found) > 1:
-        heads = {tuple(columns[0].written[q][0] for q in columns[0].written) for columns in found.values()}
+        heads = {
+            tuple(columns[0].written[q][0] for q in columns[0].written)
+            for columns in found.values()
+        }
         if len(heads) > 1:
-            raise InputError(where, f"sheets {', '.join(found)}", "hold different curves: state sheet")
+            raise InputError(
+                where, f"sheets {', '.join(found)}", "hold different curves: state sheet"
+            )
     return [part for columns in found.values() for part in _parts(columns)]
 
 
@@ -140,9 +191,11 @@ def _test(columns, direction, cycle, zero, slack, rigidity, stated, answers):
     n, least = len(columns.lines), LEAST_POINTS[columns.kind]
     if n < least:
         last = int(columns.lines[-1]) if n else 1
-        raise InputError(f"{columns.where}:{last}", None, f"the curve has {n} points, at least {least} are needed")
-    if direction == "" and columns.kind in ("tension", "bending"):
-        raise InputError(f"{columns.where}: direction", None, "is missing; must be course or wale")
+        raise InputError(
+            f"{columns.where}:{last}",
+            None,
+            f"the curve has {n} points, at least {least} are needed",
+        )
     if columns.kind.startswith("yarn_"):
         direction = ""
     common = {
@@ -160,8 +213,8 @@ def _test(columns, direction, cycle, zero, slack, rigidity, stated, answers):
         )
     if columns.kind == "bending":
         return _bending(columns, cycle, zero, rigidity, answers, common)
-    course_.refuse_strain(columns, columns.units.get("strain"), answers.states("strain"))
-    course_.refuse_force(columns, answers.states("force"))
+    corrected.refuse_strain(columns, columns.units.get("strain"), answers.states("strain"))
+    corrected.refuse_force(columns, answers.states("force"))
     return _tension(columns, cycle, zero, slack, common)
 
 
@@ -178,32 +231,41 @@ def _left_out(columns, more):
 
 def _cycle_number(columns, cycles, cycle, what):
     """Number of the cycle of the file that is meant, from 0, and of the test, from 1."""
-    if len(cycles) == 1:
-        return 0, cycle or 1
     wanted = cycle or 1
+    if len(cycles) == 1 and columns.kind == "bending":
+        return 0, wanted
     if wanted > len(cycles):
-        raise InputError(f"{columns.where}: cycle", wanted, f"must be at most {len(cycles)}, the {what} of the file")
+        raise InputError(
+            f"{columns.where}: cycle",
+            wanted,
+            f"must be at most {len(cycles)}, the {what} of the file",
+        )
     return wanted - 1, wanted
 
 
 def _tension(columns, cycle, zero, slack, common):
-    x, y = columns.values["strain"], next(columns.values[q] for q in ("force_per_width", "force") if q in columns.values)
+    x, y = (
+        columns.values["strain"],
+        next(columns.values[q] for q in ("force_per_width", "force") if q in columns.values),
+    )
     fabric = columns.kind == "tension"
     course = course_.course_of(columns, x, y)
     first = course.cycles[0]
-    y, corrections, pretension = _without_zero(columns, course, x, y, zero, fabric)
+    y, corrections, pretension = corrected.without_zero(columns, course, x, y, zero, fabric)
     if fabric:
         for one in course.cycles:
             course_.refuse_disorder(columns, one, x, y)
     columns.values["force_per_width" if fabric else "force"] = y
-    x, more = _without_machine(columns, x, y, first)
+    x, more = corrected.without_machine(columns, x, y, first)
     corrections += more
     if more and fabric:
         for one in course.cycles:
             course_.refuse_disorder(columns, one, x, y)
     tests, slack_rows = [], []
     for number, one in enumerate(course.cycles, start=1):
-        test, out = _one_cycle(columns, one, number, x, y, pretension, slack, corrections, common, course)
+        test, out = _one_cycle(
+            columns, one, number, x, y, pretension, slack, corrections, common, course
+        )
         tests.append(test)
         slack_rows.append(out)
     own, of_test = _cycle_number(columns, tests, cycle, "cycles")
@@ -237,145 +299,28 @@ def _one_cycle(columns, one, number, x, y, pretension, slack, corrections, commo
         **common,
     )  # fmt: skip
     if not fabric:
-        return replace(test, pretension=0.0), [(one.recovery, "recovery")] if one.recovery.size else []
+        return replace(test, pretension=0.0), [
+            (one.recovery, "recovery")
+        ] if one.recovery.size else []
     if pretension:
-        found, keep, why = _from_pretension(columns, test)
+        found, keep, why = corrected.from_pretension(columns, test)
     else:
-        found, keep, why = _without_slack(test, one, x, y, slack)
+        found, keep, why = corrected.without_slack(test, one, x, y, slack)
     return found, [] if keep.all() else [(rows[~keep], why)]
-
-
-def _without_zero(columns, course, x, y, zero, fabric):
-    """(force without the zero of the load cell, what was done, pretension); InputError where it is open."""
-    loading, tail = course.cycles[0].loading, course.tail
-    unit, quantity = ("N_per_mm", "force_per_width") if fabric else ("N", "force")
-    shown, largest = unit.replace("_per_", "/"), float(y[loading].max())
-
-    def say(value):
-        return f"{from_si(value, unit):.4g} {shown}"
-
-    start, seen, doubt = course_.reading_at_start(x, y, loading)
-    after, steady = course_.reading_of_tail(y, tail, largest)
-    pretension = columns.conditions.get("pretension", 0.0)
-    certain = steady and after <= start + doubt and after < 0.1 * largest
-    if zero == "tail" and not steady:
-        raise InputError(f"{columns.where}: zero", "tail", "there is no steady force after a break in the file")
-    if zero == "tail" or (zero is None and certain):
-        done = []
-        if abs(after) > course_.ZERO * largest:
-            done = [f"zero of the load cell taken off: {say(after)}, read after the break"]
-        else:
-            after = 0.0
-        if start - after > doubt and fabric and not pretension:
-            pretension = start - after
-        return y - after, done, pretension
-    if zero == "start":
-        how = "before the test" if seen else "at no strain by the line through the first points"
-        return y - start, [f"zero of the load cell taken off: {say(start)}, read {how}"], pretension
-    if zero == "keep" or abs(start - pretension) <= max(doubt, 0.2 * pretension) or (start <= doubt and pretension):
-        return y, [], pretension
-    if abs(start) <= doubt:
-        return y, [], pretension
-    at = f"{columns.where}:{columns.lines[loading[0]]}: force at no strain"
-    part = f"{say(start)}, {100 * start / largest:.2g} % of the largest"
-    key = "pretension_N_per_mm: ..." if fabric else "zero: keep"
-    if not seen:
-        raise InputError(
-            at, f"{part}, by the line through the first points",
-            "must be none: state zero: keep if the force is right, zero: start to take it off as the zero of "
-            f"the load cell, or {key} if it is a pretension",
-        )  # fmt: skip
-    if start < 0:
-        raise InputError(
-            at, part, "must not be negative: state zero: start if the load cell was not zeroed, or zero: keep"
-        )
-    if fabric:
-        key = f"pretension_N_per_mm: {from_si(start, unit):.4g} if it is a pretension"
-    else:
-        key = "zero: keep if it is a pretension, which the fit takes out"
-    raise InputError(at, part, f"must be none: state zero: start if the load cell was not zeroed, or {key}")
-
-
-def _without_machine(columns, x, y, first):
-    """(strain without the extension of the machine, what was done)."""
-    given, fabric = columns.conditions, columns.kind == "tension"
-    if "machine_compliance" not in given:
-        return x, []
-    for name in ("gauge_length", "width")[: 1 + fabric]:
-        if name not in given:
-            key = CONDITIONS[name][1]
-            raise InputError(
-                f"{columns.where}: {name}", None,
-                f"is missing: a machine compliance needs '# {key}: ...' or the key {key}",
-            )  # fmt: skip
-    shift = given["machine_compliance"] * y * (given["width"] if fabric else 1.0) / given["gauge_length"]
-    top = int(first.loading[-1])
-    part = float(shift[top] / x[top])
-    if part >= 1.0:
-        raise InputError(
-            f"{columns.where}: machine_compliance",
-            f"{from_si(given['machine_compliance'], 'mm_per_N'):.6g} mm/N",
-            "explains all of the measured extension: nothing is left for the specimen",
-        )  # fmt: skip
-    for end in ("strain_low", "strain_high"):
-        if end in columns.values:
-            columns.values[end] = columns.values[end] - shift
-    return x - shift, [f"extension of the machine subtracted, {100 * part:.2g} % of the largest extension"]
-
-
-def _from_pretension(columns, test):
-    """(test with its strain counted from where loading passes the pretension, or from the file's own
-    zero if it starts above it; points kept; why not the others)."""
-    pretension, force, loading = test.pretension, test["force_per_width"], np.flatnonzero(test.loading)
-    if pretension >= force[loading].max():
-        raise InputError(
-            f"{columns.where}: pretension", f"{from_si(pretension, 'N_per_mm'):.6g} N/mm",
-            f"must be below the largest force, {from_si(force.max(), 'N_per_mm'):.6g} N/mm",
-        )  # fmt: skip
-    above = int(np.argmax(force > pretension * (1.0 + 1e-9)))
-    zero, across, keep = 0.0, 0.0, np.ones(len(force), dtype=bool)
-    if above > 0:
-        part = (pretension - force[above - 1]) / (force[above] - force[above - 1])
-        zero, across = (
-            0.0 if one is None else float(one[above - 1] + part * (one[above] - one[above - 1]))
-            for one in (test["strain"], test.values.get("lateral_strain"))
-        )
-        numbers = np.arange(len(force))
-        keep = (numbers >= above) & (test.loading | (force >= pretension))
-    done = (
-        f"strain counted from a pretension of {from_si(pretension, 'N_per_mm'):.4g} N/mm, "
-        f"{100 * zero:.3g} % of strain in the file"
-    )
-    found = test.counted_from(zero, across).kept(keep, corrections=(*test.corrections, done))
-    return found, keep, "below the pretension"
-
-
-def _without_slack(test, one, x, y, slack):
-    """(test with its strain counted from where the specimen is taut, points kept, why not the others)."""
-    everything = np.ones(len(test), dtype=bool)
-    if slack == "keep":
-        return test, everything, ""
-    if slack == "start":
-        zero, why = float(x[one.loading[0]]), "strain counted from the first point,"
-    else:
-        zero, why = course_.slack_of(x, y, one.loading), "slack taken off, strain counted from"
-    if not zero:
-        return test, everything, ""
-    keep = ~test.loading | (test["strain"] >= zero)
-    done = f"{why} {100 * zero:.3g} % in the file"
-    return test.counted_from(zero).kept(keep, corrections=(*test.corrections, done)), keep, "slack"
 
 
 def _bending(columns, cycle, zero, rigidity, answers, common):
     curvature, moment = columns.values["curvature"], columns.values["moment_per_width"]
-    course_.refuse_bending(columns, curvature, moment, rigidity, answers.states("moment"))
+    corrected.refuse_bending(columns, curvature, moment, rigidity, answers.states("moment"))
     cycles = course_.bending_cycles(columns, curvature, moment)
     flat = course_.moment_when_flat(curvature[cycles[0]], moment[cycles[0]])
     largest = float(np.abs(moment).max())
     corrections, recognised = [], list(columns.recognised)
     if zero in ("start", "tail"):
         if not np.isfinite(flat):
-            raise InputError(f"{columns.where}: zero", zero, "the test does not pass the flat fabric")
+            raise InputError(
+                f"{columns.where}: zero", zero, "the test does not pass the flat fabric"
+            )
         moment = moment - flat
         corrections.append(f"moment at no curvature taken off: {from_si(flat, 'mN'):.4g} mN")
     elif zero is None and abs(flat) > course_.NOISE * largest:
@@ -397,5 +342,8 @@ def _bending(columns, cycle, zero, rigidity, answers, common):
     used[np.concatenate(cycles)] = True
     others.append((np.flatnonzero(~used), "a hold, at which the curvature stands still"))
     return replace(
-        tests[own], cycle=of_test, cycles=tuple(tests) if len(tests) > 1 else (), left_out=_left_out(columns, others)
+        tests[own],
+        cycle=of_test,
+        cycles=tuple(tests) if len(tests) > 1 else (),
+        left_out=_left_out(columns, others),
     )

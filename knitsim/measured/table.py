@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from knitsim.errors import InputError
-from knitsim.measured.names import CONDITIONS, FAMILIES, QUANTITIES, heading, plain
-from knitsim.store.sheet import NUMERIC, decimal_sign, is_missing, number_in, number_of, numbers_of
+from knitsim.measured.names import CONDITIONS, heading
+from knitsim.store.sheet import NUMERIC, decimal_sign, is_missing, number_in, numbers_of
 from knitsim.units import COUNT_UNITS, parsed
 
 # Families of columns that make a curve.
@@ -21,7 +21,9 @@ STRAYS = 3  # rows of numbers below a line of text that may be left out as no pa
 _VALUE = re.compile(r"^(.*?\w.*?)\s*[:=]\s*(.+)$", re.DOTALL)
 _NUMBER_UNIT = re.compile(r"^([+\-−]?[\d.,' \xa0]*\d)\s*(.*)$")
 _CYCLE = re.compile(r"\b(cycle|zyklus|loop|ramp)\b", re.IGNORECASE)
-_SPECIMEN = re.compile(r"\b(specimen|sample|probe|pr.fling|.prouvette|versuch|test|run)\b", re.IGNORECASE)
+_SPECIMEN = re.compile(
+    r"\b(specimen|sample|probe|pr.fling|.prouvette|versuch|test|run)\b", re.IGNORECASE
+)
 
 
 @dataclass(eq=False)
@@ -61,9 +63,13 @@ class Table:
         bad = np.flatnonzero(~np.isfinite(numbers))
         if bad.size:
             cell = self.cells(column)[bad[0]]
-            finite = "a finite number" if is_missing(cell) or number_in(str(cell), ".") else "a number"
+            finite = (
+                "a finite number" if is_missing(cell) or number_in(str(cell), ".") else "a number"
+            )
             raise InputError(
-                f"{self.place(bad[0])}: {self.headings[column].text}", repr(cell), f"must be {finite}"
+                f"{self.place(bad[0])}: {self.headings[column].text}",
+                repr(cell),
+                f"must be {finite}",
             )
 
 
@@ -80,7 +86,9 @@ def header_of(sheet, where, skip, wanted):
         if _kind(rows[at]) != "numbers":
             at += 1
             continue
-        after = [kind for row in rows[at + 1 : at + 12] if (kind := _kind(row)) not in ("", "#")][:2]
+        after = [kind for row in rows[at + 1 : at + 12] if (kind := _kind(row)) not in ("", "#")][
+            :2
+        ]
         head = _header_above(rows, at)
         if head and wanted(head[0]):
             return _begin(sheet, where, rows, lines, at, head)
@@ -157,7 +165,9 @@ def _header_above(rows, at):
         units = [parsed(str(cell)) if cell != "" else None for cell in rows[texts[0]]]
         filled, spelt = len(_filled(rows[texts[0]])), sum(unit is not None for unit in units)
         known = sum(one.family is not None or one.name in _SINGLE for one in names)
-        if known > 1 and (2 * spelt >= filled or known > sum(one.family is not None for one in heads)):
+        if known > 1 and (
+            2 * spelt >= filled or known > sum(one.family is not None for one in heads)
+        ):
             return _with_units(names, units), texts[1]
     return heads, texts[0]
 
@@ -215,7 +225,11 @@ def _preamble(conditions, comments, row, line, where, delimiter):
         elif (one := heading(cell)).condition:
             behind = [other for other in cells[i + 1 :] if other][:2]
             if behind:
-                unit = behind[1] if len(behind) > 1 and parsed(behind[1]) and not _is_number(behind[1]) else ""
+                unit = (
+                    behind[1]
+                    if len(behind) > 1 and parsed(behind[1]) and not _is_number(behind[1])
+                    else ""
+                )
                 _take(conditions, one, f"{behind[0]} {unit}".strip(), line, where)
 
 
@@ -260,7 +274,9 @@ def condition_value(entry, where, sign):
     if len(possible) > 1 and sign and sign in number:
         possible = {number_in(number.strip(), sign)}
     if len(possible) > 1:
-        raise InputError(here, repr(number), f"may have a decimal sign or one between thousands: state {example}")
+        raise InputError(
+            here, repr(number), f"may have a decimal sign or one between thousands: state {example}"
+        )
     if not possible:
         raise InputError(here, repr(number), "must be a number")
     value = possible.pop()
@@ -283,7 +299,12 @@ def take_rows(table, pairs, used, sign):
         _sort_rows(table, pairs)
     if sign is None:
         cells = [cell for column in used for cell in table.cells(column) if cell != ""]
-        owners = [(column, i) for column in used for i, cell in enumerate(table.cells(column)) if cell != ""]
+        owners = [
+            (column, i)
+            for column in used
+            for i, cell in enumerate(table.cells(column))
+            if cell != ""
+        ]
         sign = decimal_sign(cells, lambda k: table.place(owners[k][1]), table.delimiter)
     table.sign = sign
     for kind in ("specimen", "cycle"):
@@ -299,11 +320,16 @@ def _all_numbers(table, used):
     width = len(table.headings)
     if not table.rows or not all(len(row) == width for row in table.rows):
         return False
-    for column in used:
+    # The first column too, as a summary has its name there.
+    for column in {*used, 0} if _is_number(table.rows[0][0]) else used:
         cells = [row[column] for row in table.rows]
         try:
             if any("," in cell for cell in cells):
-                cells = [cell.replace(",", ".") for cell in cells if cell.count(",") < 2 and "." not in cell]
+                cells = [
+                    cell.replace(",", ".")
+                    for cell in cells
+                    if cell.count(",") < 2 and "." not in cell
+                ]
             if len(cells) < len(table.rows) or not np.isfinite(np.array(cells, dtype=float)).all():
                 return False
         except (AttributeError, TypeError, ValueError):
@@ -314,6 +340,7 @@ def _all_numbers(table, used):
 def _sort_rows(table, pairs):
     headings, width = [one.text.casefold() for one in table.headings], len(table.headings)
     kept, odd, closed, strays, label, fresh = [], [], None, [], "", False
+    numeric = {i for i, cell in enumerate(table.rows[0]) if _is_number(cell)} if table.rows else set()
     for i, row in enumerate(table.rows):
         kind = _kind(row)
         if kind in ("", "#"):
@@ -329,7 +356,11 @@ def _sort_rows(table, pairs):
         cells = [(_cell(row, x), _cell(row, y)) for x, y in pairs]
         states = [tuple(map(_state, pair)) for pair in cells]
         whole = [state == ("number", "number") for state in states]
-        if any(whole) and all(w or state == ("", "") for w, state in zip(whole, states, strict=True)):
+        # A word where the first row has a number is the name of a mean or the like.
+        named = _is_named(row, numeric)
+        if not (named and kept) and any(whole) and all(
+            w or state == ("", "") for w, state in zip(whole, states, strict=True)
+        ):  # fmt: skip
             if extra:
                 raise InputError(
                     table.place(i), shown(row),
@@ -347,27 +378,40 @@ def _sort_rows(table, pairs):
         first = str(_filled(row)[0])
         if not any("number" in state for state in states):
             if _SPECIMEN.search(first) or _CYCLE.search(first):
-                label = "specimen" if _SPECIMEN.search(first) and not _CYCLE.search(first) else "cycle"
-            _preamble(table.conditions, table.comments, row, table.lines[i], table.where, table.delimiter)
+                label = (
+                    "specimen" if _SPECIMEN.search(first) and not _CYCLE.search(first) else "cycle"
+                )
+            _preamble(
+                table.conditions, table.comments, row, table.lines[i], table.where, table.delimiter
+            )
         odd.append(i)
         if kept:
             closed = i if closed is None else closed
     if strays:
-        _refuse_strays(table, pairs, closed, strays)
+        _refuse_strays(table, pairs, closed, strays, _is_named(table.rows[closed], numeric))
     _note_odd(table, pairs, odd, strays, kept)
     table.rows, table.lines = [table.rows[i] for i in kept], table.lines[kept]
 
 
-def _refuse_strays(table, pairs, closed, strays):
-    """InputError if rows below the line ``closed`` look like a part of the curve."""
-    for x, y in pairs:
+def _is_named(row, numeric):
+    """Whether a row begins with a word in one of the columns ``numeric``, and is no word alone."""
+    first = next(i for i, cell in enumerate(row) if cell != "")
+    return first in numeric and _state(row[first]) == "text" and not is_missing(row[first])
+
+
+def _refuse_strays(table, pairs, closed, strays, named):
+    """InputError if rows below the line ``closed`` look like a part of the curve; named: whether that
+    begins with a word, as that of a mean does."""
+    for x, y in () if named and len(strays) <= STRAYS else pairs:
         states = _state(_cell(table.rows[closed], x)), _state(_cell(table.rows[closed], y))
         if "number" in states:
             column = x if states[0] != "number" else y
             bad = _cell(table.rows[closed], column)
             what = "a finite number" if is_missing(bad) else "a number"
             raise InputError(
-                f"{table.place(closed)}: {table.headings[column].text}", repr(bad), f"must be {what}"
+                f"{table.place(closed)}: {table.headings[column].text}",
+                repr(bad),
+                f"must be {what}",
             )
     if len(strays) > STRAYS:
         raise InputError(

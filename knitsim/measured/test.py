@@ -21,6 +21,7 @@ KINDS = {
     "yarn_compression": ("thickness", "force"),
 }
 LOADING, RECOVERY = 0, 1
+EVEN, LEAST_PIECES = 0.7, 20  # part of the points that must count alike for a curve to be even
 MOST_POINTS = 200  # of a curve that is fitted; of longer ones the means of so many pieces
 # Units in which people read the quantities, and in which they are written to a file.
 SHOWN = {
@@ -38,7 +39,7 @@ class MeasuredTest:
     kind: tension or bending of a fabric, yarn_tension, yarn_compression (two crossed yarns).  values:
     {quantity: array}, x and y of :data:`KINDS`; of a fabric's tension also lateral_strain (NaN where it
     was not measured) and strain_low, strain_high, the band of the strain, if they were measured; weight
-    if it was stated.  direction: course or wale, pulled or becoming curved; "" of a yarn.  phase: 0
+    if it was stated.  direction: course or wale, pulled or becoming curved; "" of a yarn, or if it is not stated.  phase: 0
     loading, 1 recovery.  name: how messages and results call it.
 
     strain counts from the state under ``pretension`` (N/m, of a yarn N; 0 without one), of the specimen
@@ -75,10 +76,10 @@ class MeasuredTest:
         where = self.name or self.source or "measured test"
         if self.kind not in KINDS:
             raise InputError(f"{where}: kind", self.kind, f"must be {' or '.join(KINDS)}")
-        wanted = ("course", "wale") if self.kind in ("tension", "bending") else ("",)
+        wanted = ("course", "wale", "") if self.kind in ("tension", "bending") else ("",)
         if self.direction not in wanted:
-            right = "must be course or wale" if wanted[0] else "is of a fabric, not of a yarn"
-            raise InputError(f"{where}: direction", self.direction or "not stated", right)
+            right = "must be course or wale" if len(wanted) > 1 else "is of a fabric, not of a yarn"
+            raise InputError(f"{where}: direction", self.direction, right)
         if not self.cycle >= 1:
             raise InputError(f"{where}: cycle", self.cycle, "must be 1 or more")
         values, size = {}, None
@@ -88,16 +89,24 @@ class MeasuredTest:
             size = len(values[quantity])
         for quantity in KINDS[self.kind]:
             if quantity not in values:
-                raise InputError(f"{where}: {quantity}", None, f"is missing in a test of {self.kind}")
+                raise InputError(
+                    f"{where}: {quantity}", None, f"is missing in a test of {self.kind}"
+                )
         low, high = values.get("strain_low"), values.get("strain_high")
         if (low is None) != (high is None):
             raise InputError(f"{where}: band", None, "must have both its low and its high end")
         weight = values.get("weight")
         if weight is not None and ((weight < 0).any() or not weight.any()):
-            raise InputError(f"{where}: weight", weight.tolist(), "must not be negative, nor all zero")
+            raise InputError(
+                f"{where}: weight", weight.tolist(), "must not be negative, nor all zero"
+            )
         phase = np.zeros(size, dtype=int) if self.phase is None else np.array(self.phase, dtype=int)
         if phase.shape != (size,) or not np.isin(phase, (LOADING, RECOVERY)).all():
-            raise InputError(f"{where}: phase", phase.tolist(), "must be 0 (loading) or 1 (recovery)")
+            raise InputError(
+                f"{where}: phase", phase.tolist(), "must be 0 (loading) or 1 (recovery)"
+            )
+        if self.kind == "tension" and not (phase == LOADING).any():
+            raise InputError(f"{where}: phase", "recovery only", "must have loading points")
         phase.setflags(write=False)
         object.__setattr__(self, "values", MappingProxyType(values))
         object.__setattr__(self, "phase", phase)
@@ -114,8 +123,8 @@ class MeasuredTest:
     def __repr__(self):
         x, y = KINDS[self.kind]
         top = int(np.argmax(np.abs(self[x]))) if self.kind == "bending" else int(np.argmax(self[y]))
-        way = {"tension": " along the", "bending": " of the"}.get(self.kind, "")
-        parts = [f"{self.kind.replace('_', ' ')}{way} {self.direction}".strip()]
+        way = {"tension": f" along the {self.direction}", "bending": f" of the {self.direction}"}
+        parts = [self.kind.replace("_", " ") + (way[self.kind] if self.direction else "")]
         parts.append(f"{len(self)} points to {_value(x, self[x][top])}, {_value(y, self[y][top])}")
         if (self.phase == RECOVERY).any() and self.kind != "bending":
             parts.append("with recovery")
@@ -179,15 +188,29 @@ class MeasuredTest:
         top = force[self.loading].max()
         keep = np.where(self.loading, (force > self.pretension) & (strain > 0.0), force >= 0.0)
         keep &= force <= top
+        if not (keep & self.loading).any():
+            raise InputError(
+                f"{self.name}: points", len(self), "none is of loading above the pretension and no strain"
+            )
         return self.kept(keep).thinned()
 
     def thinned(self, most=MOST_POINTS):
         """The test with ``most`` points at most: the means of pieces of its curve of equal length."""
-        n = len(self)
-        if n <= most:
+        return self._pieces(shares(self.x, self.y, self.phase), most) if len(self) > most else self
+
+    def evened(self, most):
+        """The test with ``most`` points at most, as dense in every part: the means of pieces of equal
+        range of x, where rows stand much closer in one part than in another or are more."""
+        share = shares(self.x, np.zeros(len(self)), self.phase)
+        dense = int(share.sum() ** 2 / (share @ share))  # as many even points carry as much
+        if len(self) <= most and dense >= EVEN * len(self):
             return self
-        place = np.cumsum(shares(self.x, self.y, self.phase)) / n
-        piece = 2 * np.minimum((place * most).astype(int), most - 1) + self.phase
+        return self._pieces(share, min(most, max(dense, LEAST_PIECES)))
+
+    def _pieces(self, share, count):
+        """The test with the means of ``count`` pieces of equal share (n,)."""
+        place = (np.cumsum(share) - 0.5 * share) / share.sum()
+        piece = 2 * np.minimum((place * count).astype(int), count - 1) + self.phase
         _, piece = np.unique(piece, return_inverse=True)
 
         def mean(values):
@@ -198,6 +221,18 @@ class MeasuredTest:
 
         values = {name: mean(value) for name, value in self.values.items()}
         return replace(self, values=values, phase=np.round(mean(self.phase)).astype(int))
+
+    def record(self):
+        """What a result file keeps of where the numbers come from, as plain JSON types."""
+        found = {
+            "kind": self.kind, "direction": self.direction, "source": self.source, "points": len(self),
+            "conditions": dict(self.conditions), "recognised": list(self.recognised),
+            "corrections": list(self.corrections), "left_out": [list(row) for row in self.left_out],
+            "comments": list(self.comments),
+        }  # fmt: skip
+        if self.specimens:
+            found["specimens"] = [test.record() for test in self.specimens]
+        return found
 
     def to_dataframe(self):
         """A pandas.DataFrame of the curve in SI, with phase."""
@@ -218,7 +253,9 @@ class MeasuredTest:
         for name, value in self.conditions.items():
             unit = {"gauge_length": "mm", "width": "mm", "linear_density": "dtex"}.get(name)
             if unit:
-                file.write(f"# {name}_{unit}: {_text(from_si(value, unit), comma)}{writer.dialect.lineterminator}")
+                file.write(
+                    f"# {name}_{unit}: {_text(from_si(value, unit), comma)}{writer.dialect.lineterminator}"
+                )
         writer.writerow([f"{name}_{_WRITTEN[name]}" for name in names])
         columns = [from_si(self[name], SHOWN[name]) for name in names]
         for row in zip(*columns, strict=True):
@@ -289,14 +326,19 @@ def mean_of(tests, name, source):
     elif first.kind == "bending":
         passes = [_passes(test.x) for test in tests]
         if len({len(one) for one in passes}) > 1:
-            raise InputError(f"{name}: curvature", [len(p) for p in passes], "must turn alike in all specimens")
+            raise InputError(
+                f"{name}: curvature", [len(p) for p in passes], "must turn alike in all specimens"
+            )
         moment = np.mean([
             np.concatenate([
                 _read(test.x[run], test.y[run], first.x[at]) for run, at in zip(own, passes[0], strict=True)
             ])
             for test, own in zip(tests, passes, strict=True)
         ], axis=0)  # fmt: skip
-        values = {"curvature": np.concatenate([first.x[at] for at in passes[0]]), "moment_per_width": moment}
+        values = {
+            "curvature": np.concatenate([first.x[at] for at in passes[0]]),
+            "moment_per_width": moment,
+        }
     else:
         x, y = KINDS[first.kind]
         low, high = max(test.x.min() for test in tests), min(test.x.max() for test in tests)
@@ -305,7 +347,9 @@ def mean_of(tests, name, source):
     broke = [test.broke_below for test in tests if test.broke_below is not None]
     said = [f"mean of {len(tests)} specimens"]
     if first.kind == "yarn_tension" and broke and np.isfinite(broke).all():
-        said.append(f"they broke at strains of {', '.join(f'{t.x[-1]:.4g}' for t in tests)}; the least counts")
+        said.append(
+            f"they broke at strains of {', '.join(f'{t.x[-1]:.4g}' for t in tests)}; the least counts"
+        )
     return replace(
         first, values=values, phase=phase if phase.size else None, name=name, source=source,
         broke_below=min(broke, default=None), specimens=tuple(tests), cycles=(),
@@ -333,7 +377,9 @@ def _mean_tension(tests):
         part = {"strain": middle, "force_per_width": force, "strain_low": middle - spread,
                 "strain_high": middle + spread}  # fmt: skip
         if all("lateral_strain" in t and np.isfinite(t["lateral_strain"]).all() for t in tests):
-            part["lateral_strain"] = np.mean([_read(t.y, t["lateral_strain"], force) for t in own], axis=0)
+            part["lateral_strain"] = np.mean(
+                [_read(t.y, t["lateral_strain"], force) for t in own], axis=0
+            )
         parts.append(part)
         phases.append(np.full(len(force), one))
     return {q: np.concatenate([p[q] for p in parts]) for q in parts[0]}, np.concatenate(phases)

@@ -95,7 +95,11 @@ def _cell(value):
 def decoded(raw, where):
     """(text, name of the encoding) of bytes: by byte order mark, by the zero bytes of UTF-16, UTF-8,
     or else Windows-1252."""
-    for mark, name in ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
+    for mark, name in (
+        (b"\xef\xbb\xbf", "utf-8-sig"),
+        (b"\xff\xfe", "utf-16"),
+        (b"\xfe\xff", "utf-16"),
+    ):
         if raw.startswith(mark):
             break
     else:
@@ -110,7 +114,9 @@ def decoded(raw, where):
         text = raw.decode(name)
     except UnicodeDecodeError:
         if name != "utf-8":
-            raise InputError(where, name, "is marked so at its beginning, but cannot be read so") from None
+            raise InputError(
+                where, name, "is marked so at its beginning, but cannot be read so"
+            ) from None
         name = "Windows-1252"
         try:
             text = raw.decode("cp1252")
@@ -173,7 +179,9 @@ def _blanks(line):
 
 def delimiter_of(text):
     """The delimiter of a text: that by which most lines become numbers and least cells do not."""
-    lines = [line for line in re.split(r"\r\n|\r|\n", text, maxsplit=SAMPLE)[:SAMPLE] if line.strip()]
+    lines = [
+        line for line in re.split(r"\r\n|\r|\n", text, maxsplit=SAMPLE)[:SAMPLE] if line.strip()
+    ]
     best, most = ",", 0
     for delimiter in DELIMITERS:
         score = 0
@@ -209,7 +217,9 @@ def delimiter_of(text):
 _SIGNS = str.maketrans({"−": "-", "–": "-", "’": "'", "\xa0": " ", "\u202f": " "})
 _PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _GROUPS = {
-    sign: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:([ '{other}])\d{{3}})(?:\1\d{{3}})*({re.escape(sign)}\d*)?")
+    sign: re.compile(
+        rf"[+-]?[1-9]\d{{0,2}}(?:([ '{other}])\d{{3}})(?:\1\d{{3}})*({re.escape(sign)}\d*)?"
+    )
     for sign, other in ((".", ","), (",", "."))
 }
 _MISSING = re.compile(r"[+-]?(nan|inf|infinity|#?n/?a|null|#[A-Z0-9/]+[!?])", re.IGNORECASE)
@@ -228,7 +238,9 @@ def number_in(text, sign):
     if simple is not None and _PLAIN.fullmatch(simple):
         return float(simple)
     if _GROUPS[sign].fullmatch(plain):
-        return float(re.sub(r"[ '.,]", "", plain.partition(sign)[0]) + "." + plain.partition(sign)[2])
+        return float(
+            re.sub(r"[ '.,]", "", plain.partition(sign)[0]) + "." + plain.partition(sign)[2]
+        )
     return None
 
 
@@ -272,7 +284,9 @@ def numbers_of(cells, sign):
     """Cells (n) as an array of floats; NaN for what is no finite number.  sign: as decimal_sign's."""
     try:
         if sign == ",":
-            found = np.array([c.replace(",", ".") if "." not in c else "x" for c in cells], dtype=float)
+            found = np.array(
+                [c.replace(",", ".") if "." not in c else "x" for c in cells], dtype=float
+            )
         else:
             found = np.array(cells, dtype=float)
         # Python's own numbers with underscores are no numbers of a machine.

@@ -1,0 +1,87 @@
+"""What the caller states of a file, in answer to what it leaves open."""
+
+import numpy as np
+
+from knitsim.errors import InputError
+from knitsim.measured.names import FAMILIES, QUANTITIES, heading, plain
+from knitsim.measured.table import shown
+from knitsim.units import parsed
+
+
+class Answers:
+    """What the caller states of a file: columns {quantity_unit: heading or number}, unit {quantity or
+    heading: unit}, skip, decimal_sign ("comma" or "point"), and conditions {name: SI value}."""
+
+    def __init__(self, where, columns, unit, skip, decimal_sign, conditions):
+        self.where, self.skip = where, skip
+        self.conditions = {name: value for name, value in conditions.items() if value is not None}
+        self.columns, self.units = {}, {}
+        for key, column in (columns or {}).items():
+            one = heading(key)
+            if one.quantity is None:
+                raise InputError(
+                    f"{where}: columns", repr(key),
+                    f"must be a quantity with its unit, such as {example('extension')} or {example('force')}",
+                )  # fmt: skip
+            self.columns[one.quantity] = (one, column)
+        for key, text in (unit or {}).items():
+            one = parsed(str(text))
+            if one is None:
+                raise InputError(f"{where}: unit.{key}", repr(text), "is no unit that is known")
+            self.units[plain(str(key))] = one
+        if decimal_sign not in (None, "comma", "point"):
+            raise InputError(f"{where}: decimal_sign", decimal_sign, "must be comma or point")
+        self.sign = {None: None, "comma": ",", "point": "."}[decimal_sign]
+        for name, value in self.conditions.items():
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(f"{where}: {name}", value, "must be finite and above 0")
+
+    def states(self, quantity):
+        """Whether the caller states the unit of a quantity, or of what it is derived from."""
+        family = next(name for name, own in FAMILIES.items() if quantity in own)
+        names = {plain(name) for name in (family, *FAMILIES[family])}
+        return bool(names & {*self.units, *map(plain, self.columns)}) or bool(
+            {one for one in self.units if heading(one).family == family}
+        )
+
+    def applied(self, headings):
+        """The headings with the units that are stated."""
+        found = []
+        for one in headings:
+            # Stated by the heading as it stands, its name, its family or a quantity it may be.
+            names = [plain(one.text), one.name, one.family or ""]
+            names += [plain(name) for name in FAMILIES.get(one.family, ())]
+            unit = next((self.units[name] for name in names if name in self.units), None)
+            found.append(one if unit is None else one.with_unit(unit))
+        return found
+
+    def numbers_of(self, quantity, headings):
+        """Numbers of the columns that are stated for a quantity; None if none is."""
+        if quantity not in self.columns:
+            return None
+        _, stated = self.columns[quantity]
+        text = str(stated).strip()
+        found = [
+            i for i, one in enumerate(headings) if text and one.text.casefold() == text.casefold()
+        ]
+        found = found or [
+            i for i, one in enumerate(headings) if plain(one.text) == plain(text) != ""
+        ]
+        if not found and text.isdigit() and 1 <= int(text) <= len(headings):
+            found = [int(text) - 1]
+        if not found:
+            raise InputError(
+                f"{self.where}: columns",
+                repr(text),
+                f"is no column; the headings are {listed(headings)}",
+            )
+        return found
+
+
+def example(quantity):
+    unit = QUANTITIES[quantity][1].replace("1/", "per_").replace("/", "_per_").replace(" ", "_")
+    return f"{quantity}_{unit.replace('%', 'percent')}"
+
+
+def listed(headings):
+    return shown([one.text for one in headings])
