@@ -125,11 +125,15 @@ _TOKEN = re.compile(r"(\d+(?:[.,]\d+)?)|([A-Za-z%\u2030\"]+)(?:\^?(-?[1-9])(?!\d
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit as read: factor to SI, powers of force, length, linear density and time, its text."""
+    """A unit as read: factor to SI (nan of an indirect one), powers of force, length, linear density and
+    time, its text."""
 
     factor: float
     powers: tuple
     text: str
+
+    def to_si(self, value):
+        return to_si(value, self.text) if self.text in INDIRECT else value * self.factor
 
 
 def parsed(text):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured_tools import bending, tension
 
 from knitsim.equilibrium.bend import bend
 from knitsim.equilibrium.contact import CoreContact
@@ -22,7 +23,6 @@ from knitsim.inference.curve_points import (
     tension_points,
 )
 from knitsim.yarn.law import TensionLaw, paper_k3
-from measured_tools import bending, tension
 
 # Singal et al. 2024 (doi 10.1038/s41467-024-46498-z): acrylic jersey, its extension neglected.
 ACRYLIC = Fabric(

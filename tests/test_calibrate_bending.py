@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from measured_tools import bending
 
 from knitsim.equilibrium.bend import bend
 from knitsim.equilibrium.fabric import Fabric, Resolution
@@ -11,7 +12,6 @@ from knitsim.inference.bending_points import PASS_POINTS, BendingPoints, bending
 from knitsim.inference.calibrate import Parameter, Problem, fit
 from knitsim.inference.predict import Predictor
 from knitsim.yarn.law import paper_k3
-from measured_tools import bending
 
 COARSE = Resolution(32)
 RIGIDITY = 5e-9

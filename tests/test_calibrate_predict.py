@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured_tools import tension
 
 from knitsim.equilibrium.contact import CoreContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
@@ -15,7 +16,6 @@ from knitsim.inference.continuation import varied
 from knitsim.inference.predict import Predictor
 from knitsim.inference.sensitivity import sensitivity_table, standard_results
 from knitsim.yarn.law import TensionLaw
-from measured_tools import tension
 
 COARSE = Resolution(32)
 ACRYLIC = Fabric(

@@ -72,7 +72,9 @@ def test_the_default_curves_are_those_that_the_code_writes(curves, request):
 
 
 def test_rebuilt_polyester_returns_the_constants_of_a_filament(curves):
-    found = calibrate_test(read_measured(curves / "polyester_rebuilt.csv", "yarn_tension"), "bilinear")
+    found = calibrate_test(
+        read_measured(curves / "polyester_rebuilt.csv", "yarn_tension"), "bilinear"
+    )
     filament = found.law.scaled(1 / 72)
     assert filament.initial_stiffness == pytest.approx(6.34, rel=1e-9)
     assert filament.stiffness_at(0.05) == pytest.approx(2.41, rel=1e-9)
@@ -85,7 +87,9 @@ def test_rebuilt_polyester_returns_the_constants_of_a_filament(curves):
 
 
 def test_rebuilt_cotton_returns_k3(curves):
-    found = calibrate_test(read_measured(curves / "cotton_rebuilt.csv", "yarn_tension"), "two_slope")
+    found = calibrate_test(
+        read_measured(curves / "cotton_rebuilt.csv", "yarn_tension"), "two_slope"
+    )
     form = found.paper_form
     assert form["low"] == pytest.approx(43.805, rel=1e-9)
     assert form["high"] == pytest.approx(94.005, rel=1e-9)

@@ -33,13 +33,39 @@ TENACITIES = {
     "cN/tex": 1e2 / 30.0, "N/tex": 1.0 / 30.0, "cN/dtex": 1e2 / 300.0, "g/den": 1e3 / 9.80665 / 270.0,
 }  # fmt: skip
 X_NAMES = {
-    "strain": ("Strain", "Tensile strain", "Dehnung", "Elongation", "Déformation", "Nominal strain"),
-    "extension": ("Extension", "Displacement", "Crosshead", "Standardweg", "Verlängerung", "Allongement"),
+    "strain": (
+        "Strain",
+        "Tensile strain",
+        "Dehnung",
+        "Elongation",
+        "Déformation",
+        "Nominal strain",
+    ),
+    "extension": (
+        "Extension",
+        "Displacement",
+        "Crosshead",
+        "Standardweg",
+        "Verlängerung",
+        "Allongement",
+    ),
 }
 Y_NAMES = ("Force", "Load", "Standardkraft", "Kraft", "Tensile load", "Charge", "Axial Force")
-EXTRA = (("Time", "s"), ("Prüfzeit", "s"), ("Strain rate", "1/s"), ("Temperature", "°C"), ("Tensile stress", "MPa"))
+EXTRA = (
+    ("Time", "s"),
+    ("Prüfzeit", "s"),
+    ("Strain rate", "1/s"),
+    ("Temperature", "°C"),
+    ("Tensile stress", "MPa"),
+)
 ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "cp1252", "latin-1")
-SUMMARIES = (["Mean", "12,3"], ["Mittelwert", "1.5"], ["S.D.", "0,4"], ["Maximum", "33"], ["Coefficient of variation", "7"])
+SUMMARIES = (
+    ["Mean", "12,3"],
+    ["Mittelwert", "1.5"],
+    ["S.D.", "0,4"],
+    ["Maximum", "33"],
+    ["Coefficient of variation", "7"],
+)
 
 
 class Rewritten:
@@ -86,18 +112,25 @@ class Rewritten:
         x, y = strain * units[self.x_unit], force * units_y[self.y_unit]
         # As many digits as tell neighbours apart.
         digits = [int(max(0, np.ceil(-np.log10(1e-4 * np.ptp(v))))) for v in (x, y)]
-        self.rounding = [0.51 * 10.0**-d / scale for d, scale in zip(digits, (units[self.x_unit], units_y[self.y_unit]), strict=True)]
+        self.rounding = [
+            0.51 * 10.0**-d / scale
+            for d, scale in zip(digits, (units[self.x_unit], units_y[self.y_unit]), strict=True)
+        ]
         self.columns = [(x_name, self.x_unit, x, digits[0]), (y_name, self.y_unit, y, digits[1])]
         for name, unit in EXTRA:
             if self.chance(0.3):
                 self.columns.append((name, unit, np.arange(len(x)) * 0.25, 2))
         rng.shuffle(self.columns)
         if self.x == "extension":
-            self.conditions.append(("gauge_length_mm", "Gauge length", "Einspannlänge", 1e3 * GAUGE, "mm"))
+            self.conditions.append(
+                ("gauge_length_mm", "Gauge length", "Einspannlänge", 1e3 * GAUGE, "mm")
+            )
         if fabric and units_y is FORCES:
             self.conditions.append(("width_mm", "Width", "Probenbreite", 1e3 * WIDTH, "mm"))
         if not fabric and units_y is TENACITIES:
-            self.conditions.append(("linear_density_tex", "Linear density", "Feinheit", 1e6 * DENSITY, "tex"))
+            self.conditions.append(
+                ("linear_density_tex", "Linear density", "Feinheit", 1e6 * DENSITY, "tex")
+            )
 
     def number(self, value, digits):
         text = f"{value:.{digits}f}"
@@ -126,7 +159,10 @@ class Rewritten:
         if self.delimiter in ",;" and self.chance(0.15):
             lines.append(f"sep={self.delimiter}")
         if self.chance(0.4):
-            lines.append("# " + self.one(["Prüfling 3, Länge in mm", "made on 12.03.2024", "wale 3: second bath"]))
+            lines.append(
+                "# "
+                + self.one(["Prüfling 3, Länge in mm", "made on 12.03.2024", "wale 3: second bath"])
+            )
         elif self.chance(0.4):
             add(["Specimen label", "WALE-01"])
         for key, english, german, value, unit in self.conditions:
@@ -142,16 +178,28 @@ class Rewritten:
             lines.append("")
         names, units = [], []
         for name, unit, _, _ in self.columns:
-            snake = {"extension": "extension", "strain": "strain"}.get(self.x if name in sum(X_NAMES.values(), ()) else "")
+            snake = {"extension": "extension", "strain": "strain"}.get(
+                self.x if name in sum(X_NAMES.values(), ()) else ""
+            )
             if style == "snake" and (snake or name in Y_NAMES):
-                family = snake or ("force" if unit in FORCES else "force_per_width" if unit in PER_WIDTH else "tenacity")
+                family = snake or (
+                    "force"
+                    if unit in FORCES
+                    else "force_per_width"
+                    if unit in PER_WIDTH
+                    else "tenacity"
+                )
                 spelt = unit.replace("%", "percent").replace("/", "_per_")
                 names.append(family if unit == "mm/mm" else f"{family}_{spelt}")
             elif style == "row":
                 names.append(name)
                 units.append(f"({unit})" if self.quoted else unit)
             else:
-                names.append({"square": f"{name} [{unit}]", "in": f"{name} in {unit}"}.get(style, f"{name} ({unit})"))
+                names.append(
+                    {"square": f"{name} [{unit}]", "in": f"{name} in {unit}"}.get(
+                        style, f"{name} ({unit})"
+                    )
+                )
         add(names)
         if style == "row":
             add(units)

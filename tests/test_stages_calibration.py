@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from measured_tools import tension
 
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
@@ -20,7 +21,6 @@ from knitsim.store.writer import write
 from knitsim.study.measured_checks import config_of, names_of
 from knitsim.study.measured_keys import GIVEN
 from knitsim.study.study import load_study
-from measured_tools import tension
 
 CONFIG = Path(__file__).parents[1] / "config"
 TRUTH = 1.3  # times the stated bending rigidity

@@ -5,6 +5,7 @@ unit or a column is missing, one line says which key to state.
 """
 
 import difflib
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -46,6 +47,7 @@ class Columns:
     recognised: list
     left_out: list = field(default_factory=list)
     units: dict = field(default_factory=dict)
+    header_line: int = 0
 
     def refused(self, quantity, point, right):
         """The InputError for a point: its line, and its number and heading as the file has them."""
@@ -61,7 +63,7 @@ class Columns:
             self.where, self.kind, {name: v[own] for name, v in self.values.items()}, self.lines[own],
             {name: (text, v[own]) for name, (text, v) in self.written.items()},
             [(row - first, kind) for row, kind in self.breaks if first < row < end],
-            self.conditions, self.comments, self.recognised, self.left_out, self.units,
+            self.conditions, self.comments, self.recognised, self.left_out, self.units, self.header_line,
         )  # fmt: skip
 
 
@@ -114,7 +116,18 @@ def columns_of(sheet, where, kind, answers, tension_is_fabric):
     if unused:
         first.append(f"columns not used: {', '.join(unused)}")
     first += table.notes
-    return found
+    return [part for one in found for part in _parts(one)]
+
+
+def _parts(columns):
+    """Columns split where another specimen begins."""
+    edges = [0, *(row for row, what in columns.breaks if what == "specimen"), len(columns.lines)]
+    if len(edges) == 2:
+        return [columns]
+    parts = [columns.part(first, end) for first, end in itertools.pairwise(edges)]
+    for number, part in enumerate(parts, start=1):
+        part.recognised = [*columns.recognised, f"specimen {number} of {len(parts)}"]
+    return parts
 
 
 def _condition_text(table, name):
@@ -251,11 +264,11 @@ def _missing(table, quantity):
     family = next(name for name, own in FAMILIES.items() if quantity in own)
     for one in headings:
         if one.family == family and one.unit is None:
-            example = QUANTITIES[accepted[-1]][1]
+            unit = QUANTITIES[accepted[-1]][1]
             what = f"; {one.remark} is no unit that is known" if one.remark else ""
             return InputError(
                 where, repr(one.text),
-                f"lacks its unit{what}: state unit: {{{accepted[-1]}: {example}}}, or another unit of "
+                f"lacks its unit{what}: state unit: {{{accepted[-1]}: {unit}}}, or another unit of "
                 f"{' or '.join(accepted)}",
             )  # fmt: skip
         if one.family == family:
@@ -270,12 +283,15 @@ def _missing(table, quantity):
             f"has no header above it: state columns: {{{example(accepted[-1])}: 1, ...}}, quantity with "
             "unit and the number of its column",
         )  # fmt: skip
-    near = difflib.get_close_matches(quantity, [one.name for one in headings if one.name], 1, 0.6)
-    hint = f" ({near[0]!r} is not known)" if near and near[0] != quantity else ""
+    hints = [
+        one.text for one in headings
+        if one.name and difflib.get_close_matches(one.name.split()[0], [*accepted, "load"], 1, 0.75)
+    ]  # fmt: skip
+    hint = f" ({hints[0]!r} is not known)" if hints else ""
     return InputError(
         where, listed(headings),
         f"the header has no column for the {quantity.replace('_', ' ')}{hint}: name it, such as "
-        f"{' or '.join(map(_example, accepted))}, or state columns: {{{example(accepted[-1])}: HEADING}}",
+        f"{' or '.join(map(example, accepted))}, or state columns: {{{example(accepted[-1])}: HEADING}}",
     )  # fmt: skip
 
 
@@ -321,6 +337,7 @@ def _to_si(table, kind, chosen, conditions, answers):
     return Columns(
         table.where, kind, values, table.lines[rows], written, breaks, simple, tuple(table.comments),
         recognised, left, {q: table.headings[columns[0]].unit for q, columns in chosen.items()},
+        table.header_line,
     )  # fmt: skip
 
 

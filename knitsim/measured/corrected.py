@@ -7,7 +7,14 @@ file leaves them open; numbers that no yarn or fabric can have are refused with 
 import numpy as np
 
 from knitsim.errors import InputError
-from knitsim.measured.course import NOISE, ZERO, reading_at_start, reading_of_tail, slack_of
+from knitsim.measured.course import (
+    NOISE,
+    ZERO,
+    moment_when_flat,
+    reading_at_start,
+    reading_of_tail,
+    slack_of,
+)
 from knitsim.measured.names import CONDITIONS
 from knitsim.units import from_si
 
@@ -28,9 +35,9 @@ RIGIDITIES = (
 STIFFEST_FABRIC = 1e-2  # N m, the same slope where the yarn is not known
 
 
-def without_zero(columns, course, x, y, zero, fabric):
+def without_zero(columns, course, x, y, zero):
     """(force without the zero of the load cell, what was done, pretension); InputError where it is open."""
-    loading, tail = course.cycles[0].loading, course.tail
+    loading, tail, fabric = course.cycles[0].loading, course.tail, columns.kind == "tension"
     unit = "N_per_mm" if fabric else "N"
     shown, largest = unit.replace("_per_", "/"), float(y[loading].max())
 
@@ -154,26 +161,49 @@ def from_pretension(columns, test):
     return found, keep, "below the pretension"
 
 
-def without_slack(test, one, x, y, slack):
-    """(test with its strain counted from where the specimen is taut, points kept, why not the others)."""
-    everything = np.ones(len(test), dtype=bool)
-    if slack == "keep":
-        return test, everything, ""
+def without_slack(test, first, slack):
+    """(test with its strain counted from where the specimen is taut, points kept, why not the others).
+
+    first: strain of the first point of loading; slack: "find", "keep" or "start".
+    """
+    zero, why = 0.0, ""
     if slack == "start":
-        zero, why = float(x[one.loading[0]]), "strain counted from the first point,"
-    else:
-        zero, why = slack_of(x, y, one.loading), "slack taken off, strain counted from"
+        zero, why = first, "strain counted from the first point,"
+    elif slack == "find":
+        zero, why = slack_of(test.x, test.y, test.loading), "slack taken off, strain counted from"
         if test.cycle > 1 and not zero:
             # What the cycles before have left of strain.
-            zero, why = (
-                float(x[one.loading[0]]),
-                f"cycle {test.cycle}: strain counted from where it begins,",
-            )
+            zero, why = first, f"cycle {test.cycle}: strain counted from where it begins,"
     if not zero:
-        return test, everything, ""
+        return test, np.ones(len(test), dtype=bool), ""
     keep = ~test.loading | (test["strain"] >= zero)
     done = f"{why} {100 * zero:.3g} % in the file"
-    return test.counted_from(zero).kept(keep, corrections=(*test.corrections, done)), keep, "slack"
+    found = test.counted_from(zero).kept(keep, corrections=(*test.corrections, done))
+    return found, keep, "slack"
+
+
+def without_offset(columns, curvature, moment, points, zero):
+    """(moment without that of the flat fabric if ``zero`` asks for it, what was done, what is to be said);
+    points: of the first cycle."""
+    flat = moment_when_flat(curvature[points], moment[points])
+    if zero in ("start", "tail"):
+        if not np.isfinite(flat):
+            raise InputError(
+                f"{columns.where}: zero", zero, "the test does not pass the flat fabric"
+            )
+        return (
+            moment - flat,
+            [f"moment of the flat fabric taken off: {from_si(flat, 'mN'):.4g} mN"],
+            [],
+        )
+    if zero == "keep" or not abs(flat) > NOISE * np.abs(moment).max():
+        return moment, [], []
+    said = (
+        f"moment of the flat fabric {from_si(flat, 'mN'):.4g} mN, mean of both ways: curl, or an offset of "
+        "the torque cell, which the file cannot tell apart; it is kept, and only the change of moment from "
+        "flat is compared (zero: start takes it off)"
+    )
+    return moment, [], [said]
 
 
 def _ask(columns, quantity, value, right, point=None):

@@ -10,15 +10,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+# Why rows are left out.
+HOLD, AFTER_BREAK = "a hold, at which x stands still", "after the break"
 LEAST_LOADING = 4  # points of loading for a curve
 NOISE = 0.03  # part of the range of x, or of the largest y, by which noise may go back
+CYCLE = 0.1  # part of the range of x by which a cycle of a tension goes back at least
 TURN = 0.05  # part of the whole range by which a test goes back where it turns; less is a fault
 ZERO = 0.005  # part of the largest force up to which a force at no strain is none
 UNSEEN = 0.01  # the same, where the file begins later and the force at no strain is extrapolated
 AT_ONCE = 0.005  # part of the range of x within which a test begins
 _DROP = 0.9  # part of the largest force below which a record that ends has seen the break
 _FLAT = 1e-3  # part of the range within which x stands still
-_LOW = (0.005, 0.01, 0.03, 0.1)  # parts of the largest force up to which slack is looked for
+_LOW = (0.002, 0.005, 0.01, 0.02)  # parts of the largest force up to which slack is looked for
 _CERTAIN = 16.0  # gain in squares over the variance from which slack is certain, four deviations
 
 
@@ -85,6 +88,10 @@ class Cycle:
     recovery: np.ndarray = field(default_factory=lambda: np.arange(0))
     broke: bool = False
 
+    @property
+    def points(self):
+        return np.concatenate([self.loading, self.recovery])
+
 
 @dataclass(eq=False)
 class Course:
@@ -107,11 +114,17 @@ def course_of(columns, x, y):
         rows = np.arange(first, end)
         held = holds(x[rows], y[rows])
         if held.any():
-            left_out.append((rows[held], "a hold, at which the strain stands still"))
+            left_out.append((rows[held], HOLD))
         rows = rows[~held]
         for rising, run in _runs(columns, x, rows):
             if rising:
-                cycles.append(Cycle(run))
+                # A point at which the test turns belongs to both ways.
+                turned = (
+                    cycles[-1].recovery[-1:]
+                    if cycles and cycles[-1].loading[0] >= first
+                    else run[:0]
+                )
+                cycles.append(Cycle(np.concatenate([turned, run])))
             else:
                 cycles[-1].recovery = run
     for number, cycle in enumerate(cycles):
@@ -121,7 +134,7 @@ def course_of(columns, x, y):
         if broke:
             behind = [one for c in cycles[number + 1 :] for one in (c.loading, c.recovery)]
             tail = cycle.loading[last + 1 :]
-            left_out.append((np.concatenate([tail, cycle.recovery, *behind]), "after the break"))
+            left_out.append((np.concatenate([tail, cycle.recovery, *behind]), AFTER_BREAK))
             cycle.loading, cycle.recovery, cycle.broke = (
                 cycle.loading[: last + 1],
                 np.arange(0),
@@ -138,7 +151,7 @@ def course_of(columns, x, y):
 
 def _runs(columns, x, rows):
     """(whether it rises, points) of each pass of the points ``rows``."""
-    ends = turns(x[rows], NOISE)
+    ends = turns(x[rows], CYCLE)
     runs, first = [], 0
     for end in ends:
         run = rows[first : end + 1]
@@ -175,23 +188,24 @@ def disorder(columns, quantity, point, what, way):
     )  # fmt: skip
 
 
-def refuse_disorder(columns, cycle, x, y):
-    """Force must rise on loading and fall on recovery, strain too, but for noise."""
-    loading, recovery = cycle.loading, cycle.recovery
-    rows = np.concatenate([loading, recovery])
-    for name, values, what in ((_x(columns), x, "strain"), ("force_per_width", y, "force")):
-        span = np.ptp(values[rows])
-        behind = np.concatenate([loading[-1:], recovery])
+def refuse_disorder(columns, course, x, y):
+    """Strain must rise on loading and fall on recovery but for noise, and so must a fabric's force."""
+    quantities = [("strain", x, "strain")]
+    if "force_per_width" in columns.values:
+        quantities.append(("force_per_width", y, "force"))
+    for cycle, (name, values, what) in itertools.product(course.cycles, quantities):
+        span = np.ptp(values[cycle.points])
+        recovery = values[np.concatenate([cycle.loading[-1:], cycle.recovery])]
         # The fall below what was reached before; on recovery the rise above.
         back = np.concatenate([
-            np.maximum.accumulate(values[loading]) - values[loading],
-            (values[behind] - np.minimum.accumulate(values[behind]))[1:],
+            np.maximum.accumulate(values[cycle.loading]) - values[cycle.loading],
+            (recovery - np.minimum.accumulate(recovery))[1:],
         ])  # fmt: skip
         bad = back > NOISE * span
         if bad.any():
             first = int(np.argmax(bad))
-            way = "falls on loading" if first < len(loading) else "rises on recovery"
-            raise disorder(columns, name, int(rows[first]), what, way)
+            way = "falls on loading" if first < len(cycle.loading) else "rises on recovery"
+            raise disorder(columns, name, int(cycle.points[first]), what, way)
 
 
 def reading_at_start(x, y, loading):
@@ -232,7 +246,7 @@ def reading_of_tail(y, tail, largest):
 def slack_of(x, y, loading):
     """Strain up to which the specimen hangs slack, by the first points of loading; 0 without slack.
 
-    a max(x - x0, 0)^p, p from 1 to 4, is fitted to the points of low force: a fabric is soft at first, which
+    a max(x - x0, 0)^p, p from 1 to 3, is fitted to the points of low force: a fabric is soft at first, which
     a power describes, so that slack is certain only where no power from the first point on does, and where
     the force does not rise before x0.
     """
@@ -274,8 +288,8 @@ def _onset(e, f):
 
 
 def _squares(e, f, start):
-    """Least sum of squares of a max(e - start, 0)^p over p from 1 to 4."""
-    shapes = np.maximum(e - start, 0.0) ** np.linspace(1.0, 4.0, 31)[:, None]
+    """Least sum of squares of a max(e - start, 0)^p over p from 1 to 3."""
+    shapes = np.maximum(e - start, 0.0) ** np.linspace(1.0, 3.0, 21)[:, None]
     slopes = np.maximum(shapes @ f, 0.0) / np.maximum((shapes**2).sum(axis=1), 1e-300)
     return float(((f - slopes[:, None] * shapes) ** 2).sum(axis=1).min())
 

@@ -25,9 +25,8 @@ from knitsim.measured import course as course_
 from knitsim.measured.answers import Answers
 from knitsim.measured.columns import columns_of
 from knitsim.measured.names import CONDITIONS, heading
-from knitsim.measured.test import KINDS, LOADING, RECOVERY, MeasuredTest, mean_of
+from knitsim.measured.test import KINDS, MeasuredTest, mean_of
 from knitsim.store.sheet import read_sheets
-from knitsim.units import from_si
 
 # Keys of a study that answer what a file leaves open, as keywords of read_measured.
 ANSWERS = (
@@ -54,7 +53,8 @@ def read_measured(
     paths: of a text file as a machine or Excel writes it, in any encoding, delimiter and decimal sign, or
     of an .xlsx workbook; of several files, each of one specimen, a list.  kind: tension or bending of a
     fabric, yarn_tension, yarn_compression; without it, what the columns show.  direction: course or
-    wale, pulled or becoming curved, which a fit needs.  name: in messages and results, the file's own without it.
+    wale, pulled or becoming curved, which a fit needs.  name: in messages and results, that of the file
+    without it.
 
     What answers a question: columns {"extension_mm": heading or number of the column}; unit {quantity or
     heading: unit}; skip: number of first lines to pass over, or a list of lines; decimal_sign: "comma" or
@@ -71,31 +71,30 @@ def read_measured(
     right for a file that makes no sense or can be read in several ways.
     """
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
-    if kind is not None and kind not in KINDS:
-        raise InputError("kind", kind, f"must be {' or '.join(KINDS)}")
     if not paths:
         raise InputError("measured files", "[]", "must be one or more")
-    for key, value, known in (("zero", zero, ZEROS), ("slack", slack, SLACKS)):
+    for key, value, known in (
+        ("kind", kind, KINDS),
+        ("zero", zero, ZEROS),
+        ("slack", slack, SLACKS),
+    ):
         if value is not None and value not in known:
             raise InputError(f"{paths[0]}: {key}", value, f"must be {' or '.join(known)}")
     stated = _conditions(str(paths[0]), conditions)
-    found = []
+    how = {"direction": direction, "cycle": cycle or 1, "zero": zero, "slack": slack or "find",
+           "rigidity": rigidity}  # fmt: skip
+    found, name = [], name or Path(paths[0]).stem
     for path in paths:
         answers = Answers(str(path), columns, unit, skip, decimal_sign, stated)
-        for one in _specimens_of(path, kind, answers, sheet, direction):
-            found.append(
-                _test(one, direction, cycle, zero, slack or "find", rigidity, stated, answers)
-            )
-    source = ", ".join(dict.fromkeys(Path(path).name for path in paths))
-    name = name or Path(paths[0]).stem
+        for one in _specimens_of(path, kind, answers, sheet, bool(direction)):
+            test = _test(one, answers, **how)
+            found.append(replace(test, name=name, source=Path(path).name))
     if len(found) == 1:
-        return replace(
-            found[0], name=name, source=source, cycles=_named(found[0].cycles, name, source)
-        )
+        cycles = (replace(one, name=name, source=found[0].source) for one in found[0].cycles)
+        return replace(found[0], cycles=tuple(cycles))
+    source = ", ".join(dict.fromkeys(one.source for one in found))
     return mean_of(
-        [replace(one, name=f"{name} {k}", source=source) for k, one in enumerate(found, 1)],
-        name,
-        source,
+        [replace(one, name=f"{name} {k}") for k, one in enumerate(found, 1)], name, source
     )
 
 
@@ -119,10 +118,6 @@ def measured_test(fabric, name):
     )
 
 
-def _named(cycles, name, source):
-    return tuple(replace(one, name=f"{name}, cycle {one.cycle}", source=source) for one in cycles)
-
-
 def _conditions(where, given):
     """{name: SI value} of keywords that are names of conditions, with or without a unit at their end."""
     found = {}
@@ -132,8 +127,8 @@ def _conditions(where, given):
         one = heading(key)
         if key in CONDITIONS:
             found[key] = value
-        elif one.condition and one.unit is not None and one.unit.factor == one.unit.factor:
-            found[one.condition] = value * one.unit.factor
+        elif one.condition and one.unit is not None:
+            found[one.condition] = one.unit.to_si(value)
         else:
             raise InputError(
                 f"{where}: {key}", value, f"is not known; known are {', '.join(ANSWERS)}"
@@ -141,7 +136,7 @@ def _conditions(where, given):
     return found
 
 
-def _specimens_of(path, kind, answers, sheet, direction):
+def _specimens_of(path, kind, answers, sheet, fabric):
     """The Columns of each specimen in a file: of one sheet, or of several that hold the same columns."""
     where = str(path)
     sheets = read_sheets(path, where)
@@ -150,72 +145,63 @@ def _specimens_of(path, kind, answers, sheet, direction):
         if not sheets:
             raise InputError(f"{where}: sheet", repr(sheet), "is no sheet of the file")
     if len(sheets) == 1:
-        return _parts(columns_of(sheets[0], where, kind, answers, bool(direction)))
-    found, failed = {}, None
+        return columns_of(sheets[0], where, kind, answers, fabric)
+    found, failed = {}, []
     for one in sheets:
         try:
-            found[one.name] = columns_of(
-                one, f"{where}: {one.name}", kind, answers, bool(direction)
-            )
+            found[one.name] = columns_of(one, f"{where}: {one.name}", kind, answers, fabric)
         except InputError as error:
-            failed = failed or error
+            failed.append(error)
     if not found:
-        raise failed
-    if len(found) > 1:
-        heads = {
-            tuple(columns[0].written[q][0] for q in columns[0].written)
-            for columns in found.values()
-        }
-        if len(heads) > 1:
-            raise InputError(
-                where, f"sheets {', '.join(found)}", "hold different curves: state sheet"
-            )
-    return [part for columns in found.values() for part in _parts(columns)]
+        raise failed[0]
+    if len({tuple(name for name, _ in own[0].written.values()) for own in found.values()}) > 1:
+        raise InputError(where, f"sheets {', '.join(found)}", "hold different curves: state sheet")
+    return [one for own in found.values() for one in own]
 
 
-def _parts(columns):
-    """Columns split where another specimen begins."""
-    found = []
-    for one in columns:
-        edges = [0, *(row for row, what in one.breaks if what == "specimen"), len(one.lines)]
-        for number, (first, end) in enumerate(zip(edges, edges[1:], strict=False), start=1):
-            part = one.part(first, end) if len(edges) > 2 else one
-            if len(edges) > 2:
-                part.recognised = [*one.recognised, f"specimen {number} of {len(edges) - 1}"]
-            found.append(part)
-    return found
-
-
-def _test(columns, direction, cycle, zero, slack, rigidity, stated, answers):
+def _test(columns, answers, direction, cycle, zero, slack, rigidity):
     """The MeasuredTest of the Columns of one specimen."""
     n, least = len(columns.lines), LEAST_POINTS[columns.kind]
     if n < least:
-        last = int(columns.lines[-1]) if n else 1
-        raise InputError(
-            f"{columns.where}:{last}",
-            None,
-            f"the curve has {n} points, at least {least} are needed",
-        )
-    if columns.kind.startswith("yarn_"):
-        direction = ""
+        at = f"{columns.where}:{columns.lines[-1] if n else columns.header_line}"
+        raise InputError(at, None, f"the curve has {n} points, at least {least} are needed")
     common = {
-        "kind": columns.kind, "direction": direction, "comments": columns.comments,
-        "conditions": {k: v for k, v in columns.conditions.items() if k not in ("pretension", "decimal_sign")},
+        "kind": columns.kind, "direction": "" if columns.kind.startswith("yarn_") else direction,
+        "comments": columns.comments, "recognised": tuple(columns.recognised),
+        "conditions": {k: v for k, v in columns.conditions.items() if k != "pretension"},
     }  # fmt: skip
     if columns.kind == "yarn_compression":
-        for quantity in ("thickness", "force"):
-            bad = columns.values[quantity] < -course_.NOISE * np.abs(columns.values[quantity]).max()
+        for quantity in KINDS[columns.kind]:
+            values = columns.values[quantity]
+            bad = values < -course_.NOISE * np.abs(values).max()
             if bad.any():
                 raise columns.refused(quantity, int(np.argmax(bad)), "must not be negative")
-        left_out = _left_out(columns, [])
-        return MeasuredTest(
-            values=columns.values, recognised=tuple(columns.recognised), left_out=left_out, **common
-        )
+        return MeasuredTest(values=columns.values, left_out=_left_out(columns, []), **common)
     if columns.kind == "bending":
-        return _bending(columns, cycle, zero, rigidity, answers, common)
+        return _bending(columns, answers, cycle, zero, rigidity, common)
     corrected.refuse_strain(columns, columns.units.get("strain"), answers.states("strain"))
     corrected.refuse_force(columns, answers.states("force"))
     return _tension(columns, cycle, zero, slack, common)
+
+
+def _chosen(columns, tests, cycle, left_out):
+    """The test of the cycle that is asked for, with the rows of ``left_out`` and all cycles of several.
+
+    left_out: [(points, why)] of every cycle and, last, of the whole test.
+    """
+    if len(tests) == 1 and columns.kind == "bending":
+        number = 0  # the file holds one cycle, which is that one of the test
+    elif cycle > len(tests):
+        raise InputError(
+            f"{columns.where}: cycle",
+            cycle,
+            f"must be at most {len(tests)}, the cycles of the file",
+        )
+    else:
+        number = cycle - 1
+    several = tuple(tests) if len(tests) > 1 else ()
+    rows = _left_out(columns, [*left_out[number], *left_out[-1]])
+    return replace(tests[number], cycle=cycle, cycles=several, left_out=rows)
 
 
 def _left_out(columns, more):
@@ -229,121 +215,62 @@ def _left_out(columns, more):
     return tuple(sorted(found))
 
 
-def _cycle_number(columns, cycles, cycle, what):
-    """Number of the cycle of the file that is meant, from 0, and of the test, from 1."""
-    wanted = cycle or 1
-    if len(cycles) == 1 and columns.kind == "bending":
-        return 0, wanted
-    if wanted > len(cycles):
-        raise InputError(
-            f"{columns.where}: cycle",
-            wanted,
-            f"must be at most {len(cycles)}, the {what} of the file",
-        )
-    return wanted - 1, wanted
+def _others(cycles, own):
+    """[(points, why)] of the cycles (points each) that are not ``own``, but for points that it shares."""
+    return [
+        (np.setdiff1d(points, cycles[own]), f"cycle {k}")
+        for k, points in enumerate(cycles, start=1) if k - 1 != own
+    ]  # fmt: skip
 
 
 def _tension(columns, cycle, zero, slack, common):
-    x, y = (
-        columns.values["strain"],
-        next(columns.values[q] for q in ("force_per_width", "force") if q in columns.values),
-    )
+    """The test of a tension, corrected; strain of a yarn counts as it stands, for its law finds slack."""
     fabric = columns.kind == "tension"
+    quantity = KINDS[columns.kind][1]
+    x, y = columns.values["strain"], columns.values[quantity]
     course = course_.course_of(columns, x, y)
-    first = course.cycles[0]
-    y, corrections, pretension = corrected.without_zero(columns, course, x, y, zero, fabric)
-    if fabric:
-        for one in course.cycles:
-            course_.refuse_disorder(columns, one, x, y)
-    columns.values["force_per_width" if fabric else "force"] = y
-    x, more = corrected.without_machine(columns, x, y, first)
-    corrections += more
-    if more and fabric:
-        for one in course.cycles:
-            course_.refuse_disorder(columns, one, x, y)
-    tests, slack_rows = [], []
-    for number, one in enumerate(course.cycles, start=1):
-        test, out = _one_cycle(
-            columns, one, number, x, y, pretension, slack, corrections, common, course
-        )
+    y, done, pretension = corrected.without_zero(columns, course, x, y, zero)
+    course_.refuse_disorder(columns, course, x, y)
+    x, more = corrected.without_machine(columns, x, y, course.cycles[0])
+    if more:
+        course_.refuse_disorder(columns, course, x, y)
+        done += more
+    tests, left_out = [], []
+    for number, one in enumerate(course.cycles):
+        # Of a yarn loading counts, and what noise of its strain moves back stands where it belongs.
+        rows = one.loading[np.argsort(x[one.loading], kind="stable")] if not fabric else one.points
+        out = _others([c.points for c in course.cycles], number)
+        out += [(one.recovery, "recovery")] if not fabric else []
+        test = MeasuredTest(
+            values={**{q: v[rows] for q, v in columns.values.items()}, "strain": x[rows], quantity: y[rows]},
+            phase=np.isin(rows, one.recovery).astype(int), cycle=number + 1, corrections=tuple(done),
+            broke_below=float(x[course.tail[0]]) if one.broke and course.tail.size else np.inf,
+            pretension=pretension if fabric else 0.0, **common,
+        )  # fmt: skip
+        if fabric:
+            test, keep, why = (
+                corrected.from_pretension(columns, test) if pretension
+                else corrected.without_slack(test, float(x[one.loading[0]]), slack)
+            )  # fmt: skip
+            out.append((rows[~keep], why))
         tests.append(test)
-        slack_rows.append(out)
-    own, of_test = _cycle_number(columns, tests, cycle, "cycles")
-    left_out = [*course.left_out, *slack_rows[own]]
-    left_out += [
-        (np.concatenate([one.loading, one.recovery]), f"cycle {k}")
-        for k, one in enumerate(course.cycles, start=1) if k - 1 != own
-    ]  # fmt: skip
-    return replace(
-        tests[own], cycle=of_test, cycles=tuple(tests) if len(tests) > 1 else (),
-        left_out=_left_out(columns, left_out),
-    )  # fmt: skip
+        left_out.append(out)
+    return _chosen(columns, tests, cycle, [*left_out, course.left_out])
 
 
-def _one_cycle(columns, one, number, x, y, pretension, slack, corrections, common, course):
-    fabric = columns.kind == "tension"
-    rows = np.concatenate([one.loading, one.recovery])
-    phase = np.repeat([LOADING, RECOVERY], [len(one.loading), len(one.recovery)])
-    if not fabric:
-        # The law of a yarn is that of its loading; noise of the strain may not go back.
-        rows, phase = one.loading, phase[: len(one.loading)]
-        order = np.argsort(x[rows], kind="stable")
-        rows = rows[order]
-    beside = [q for q in columns.values if q not in ("strain", "force", "force_per_width")]
-    values = {"strain": x, ("force_per_width" if fabric else "force"): y}
-    values |= {q: columns.values[q] for q in beside}
-    test = MeasuredTest(
-        values={q: v[rows] for q, v in values.items()}, phase=phase, cycle=number,
-        broke_below=float(x[course.tail[0]]) if one.broke and course.tail.size else np.inf,
-        pretension=pretension or 0.0, corrections=tuple(corrections), recognised=tuple(columns.recognised),
-        **common,
-    )  # fmt: skip
-    if not fabric:
-        return replace(test, pretension=0.0), [
-            (one.recovery, "recovery")
-        ] if one.recovery.size else []
-    if pretension:
-        found, keep, why = corrected.from_pretension(columns, test)
-    else:
-        found, keep, why = corrected.without_slack(test, one, x, y, slack)
-    return found, [] if keep.all() else [(rows[~keep], why)]
-
-
-def _bending(columns, cycle, zero, rigidity, answers, common):
+def _bending(columns, answers, cycle, zero, rigidity, common):
     curvature, moment = columns.values["curvature"], columns.values["moment_per_width"]
     corrected.refuse_bending(columns, curvature, moment, rigidity, answers.states("moment"))
     cycles = course_.bending_cycles(columns, curvature, moment)
-    flat = course_.moment_when_flat(curvature[cycles[0]], moment[cycles[0]])
-    largest = float(np.abs(moment).max())
-    corrections, recognised = [], list(columns.recognised)
-    if zero in ("start", "tail"):
-        if not np.isfinite(flat):
-            raise InputError(
-                f"{columns.where}: zero", zero, "the test does not pass the flat fabric"
-            )
-        moment = moment - flat
-        corrections.append(f"moment at no curvature taken off: {from_si(flat, 'mN'):.4g} mN")
-    elif zero is None and abs(flat) > course_.NOISE * largest:
-        recognised.append(
-            f"moment of the flat fabric {from_si(flat, 'mN'):.4g} mN, mean of both ways: curl, or an offset of "
-            "the torque cell, which the file cannot tell apart; it is kept, and only the change of moment "
-            "from flat is compared (zero: start takes it off)"
-        )
+    moment, done, said = corrected.without_offset(columns, curvature, moment, cycles[0], zero)
+    common["recognised"] += tuple(said)
     tests = [
         MeasuredTest(
             values={"curvature": curvature[rows], "moment_per_width": moment[rows]}, cycle=number,
-            recognised=tuple(recognised), corrections=tuple(corrections), **common,
+            corrections=tuple(done), **common,
         )
         for number, rows in enumerate(cycles, start=1)
     ]  # fmt: skip
-    own, of_test = _cycle_number(columns, tests, cycle, "cycles")
-    others = [(rows, f"cycle {k}") for k, rows in enumerate(cycles, start=1) if k - 1 != own]
-    used = np.zeros(len(curvature), dtype=bool)
-    used[np.concatenate(cycles)] = True
-    others.append((np.flatnonzero(~used), "a hold, at which the curvature stands still"))
-    return replace(
-        tests[own],
-        cycle=of_test,
-        cycles=tuple(tests) if len(tests) > 1 else (),
-        left_out=_left_out(columns, others),
-    )
+    held = np.setdiff1d(np.arange(len(curvature)), np.concatenate(cycles))
+    left_out = [_others(cycles, number) for number in range(len(cycles))]
+    return _chosen(columns, tests, cycle, [*left_out, [(held, course_.HOLD)]])

@@ -76,7 +76,9 @@ def plot(test, path=None):
     if test.band is not None:
         low, high = (from_si(end, UNITS[x]) for end in test.band)
         own = test.loading
-        ax.fill_betweenx(from_si(test.y, UNITS[y])[own], low[own], high[own], alpha=0.2, label="band")
+        ax.fill_betweenx(
+            from_si(test.y, UNITS[y])[own], low[own], high[own], alpha=0.2, label="band"
+        )
     mark = "." if len(test) <= 200 else ""
     line(test, color="C0", marker=mark, linewidth=1.2, label="mean" if test.specimens else "used")
     back = test.phase == RECOVERY
@@ -99,7 +101,9 @@ def _pairs(texts):
 
 def main(arguments=None):
     """``knitsim read FILE ...``: print the report, write the plot; 0, or 1 for a file that is refused."""
-    parser = argparse.ArgumentParser(prog="knitsim read", description=main.__doc__.partition(":")[0])
+    parser = argparse.ArgumentParser(
+        prog="knitsim read", description=main.__doc__.partition(":")[0]
+    )
     parser.add_argument("files", nargs="+", help="a file, or one of each specimen")
     parser.add_argument("--kind", choices=tuple(KINDS))
     parser.add_argument("--direction", choices=("course", "wale"), default="")

@@ -186,7 +186,7 @@ def _with_units(names, units):
 def _begin(sheet, where, rows, lines, at, head):
     headings, names = head
     headings = list(headings)
-    while headings and not headings[-1].text:
+    while names is not None and headings and not headings[-1].text:
         headings.pop()
     conditions, comments = {}, []
     for i in range(at):
@@ -282,11 +282,7 @@ def condition_value(entry, where, sign):
     value = possible.pop()
     if not value > 0:
         raise InputError(here, number, "must be above 0")
-    if unit.factor != unit.factor:
-        from knitsim.units import to_si
-
-        return to_si(value, unit.text), unit.powers
-    return value * unit.factor, unit.powers
+    return unit.to_si(value), unit.powers
 
 
 def take_rows(table, pairs, used, sign):
@@ -340,7 +336,9 @@ def _all_numbers(table, used):
 def _sort_rows(table, pairs):
     headings, width = [one.text.casefold() for one in table.headings], len(table.headings)
     kept, odd, closed, strays, label, fresh = [], [], None, [], "", False
-    numeric = {i for i, cell in enumerate(table.rows[0]) if _is_number(cell)} if table.rows else set()
+    numeric = (
+        {i for i, cell in enumerate(table.rows[0]) if _is_number(cell)} if table.rows else set()
+    )
     for i, row in enumerate(table.rows):
         kind = _kind(row)
         if kind in ("", "#"):

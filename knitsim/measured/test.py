@@ -2,6 +2,7 @@
 
 import csv
 import io
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -11,6 +12,7 @@ from scipy.interpolate import PchipInterpolator
 
 from knitsim.errors import InputError
 from knitsim.files import replacing
+from knitsim.measured.course import turns
 from knitsim.units import from_si, label
 
 # Kinds of tests: the quantities of their curve, x before y.
@@ -39,7 +41,7 @@ class MeasuredTest:
     kind: tension or bending of a fabric, yarn_tension, yarn_compression (two crossed yarns).  values:
     {quantity: array}, x and y of :data:`KINDS`; of a fabric's tension also lateral_strain (NaN where it
     was not measured) and strain_low, strain_high, the band of the strain, if they were measured; weight
-    if it was stated.  direction: course or wale, pulled or becoming curved; "" of a yarn, or if it is not stated.  phase: 0
+    if it was stated.  direction: course or wale, pulled or becoming curved; "" of a yarn, or if not stated.  phase: 0
     loading, 1 recovery.  name: how messages and results call it.
 
     strain counts from the state under ``pretension`` (N/m, of a yarn N; 0 without one), of the specimen
@@ -190,7 +192,9 @@ class MeasuredTest:
         keep &= force <= top
         if not (keep & self.loading).any():
             raise InputError(
-                f"{self.name}: points", len(self), "none is of loading above the pretension and no strain"
+                f"{self.name}: points",
+                len(self),
+                "none is of loading above the pretension and no strain",
             )
         return self.kept(keep).thinned()
 
@@ -226,7 +230,7 @@ class MeasuredTest:
         """What a result file keeps of where the numbers come from, as plain JSON types."""
         found = {
             "kind": self.kind, "direction": self.direction, "source": self.source, "points": len(self),
-            "conditions": dict(self.conditions), "recognised": list(self.recognised),
+            "conditions": dict(self.conditions), "pretension": self.pretension, "recognised": list(self.recognised),
             "corrections": list(self.corrections), "left_out": [list(row) for row in self.left_out],
             "comments": list(self.comments),
         }  # fmt: skip
@@ -342,7 +346,8 @@ def mean_of(tests, name, source):
     else:
         x, y = KINDS[first.kind]
         low, high = max(test.x.min() for test in tests), min(test.x.max() for test in tests)
-        at = np.linspace(low, high, max(20, min(MOST_POINTS, *map(len, tests))))
+        at = max(tests, key=len).evened(MOST_POINTS).x
+        at = np.unique(np.clip(at, low, high))
         values = {x: at, y: np.mean([_read(test.x, test.y, at) for test in tests], axis=0)}
     broke = [test.broke_below for test in tests if test.broke_below is not None]
     said = [f"mean of {len(tests)} specimens"]
@@ -364,32 +369,36 @@ def _mean_tension(tests):
     """(values, phase) of the mean strain at given force of fabrics' tension tests, and its deviation."""
     parts, phases = [], []
     top = min(test.y[test.loading].max() for test in tests)
+    lateral = all(np.isfinite(test.values.get("lateral_strain", np.nan)).all() for test in tests)
     for one in (LOADING, RECOVERY):
-        own = [test.kept(test.phase == one) for test in tests if (test.phase == one).any()]
-        if len(own) < len(tests):
+        own = [test.phase == one for test in tests]
+        if not all(points.any() for points in own):
             continue
-        least = max(test.y.min() for test in own)
-        first = min(own, key=len).thinned()
-        force = np.unique(np.clip(first.y, least, top))
+        curves = list(zip(tests, own, strict=True))
+        shortest = min(own, key=np.sum)
+        first = next(test for test, points in curves if points is shortest)
+        least = max(test.y[points].min() for test, points in curves)
+        force = np.unique(np.clip(first.y[shortest], least, top))
+        if len(force) > MOST_POINTS:
+            force = np.quantile(force, np.linspace(0.0, 1.0, MOST_POINTS))
         force = force if one == LOADING else force[::-1]
-        strain = np.array([_read(test.y, test.x, force) for test in own])
+        strain = np.array([_read(test.y[points], test.x[points], force) for test, points in curves])
         middle, spread = strain.mean(axis=0), strain.std(axis=0, ddof=1)
         part = {"strain": middle, "force_per_width": force, "strain_low": middle - spread,
                 "strain_high": middle + spread}  # fmt: skip
-        if all("lateral_strain" in t and np.isfinite(t["lateral_strain"]).all() for t in tests):
-            part["lateral_strain"] = np.mean(
-                [_read(t.y, t["lateral_strain"], force) for t in own], axis=0
-            )
+        if lateral:
+            across = [
+                _read(t.y[points], t["lateral_strain"][points], force) for t, points in curves
+            ]
+            part["lateral_strain"] = np.mean(across, axis=0)
         parts.append(part)
         phases.append(np.full(len(force), one))
     return {q: np.concatenate([p[q] for p in parts]) for q in parts[0]}, np.concatenate(phases)
 
 
 def _passes(x):
-    from knitsim.measured.course import turns
-
     ends = [-1, *turns(x)]
-    return [np.arange(a + 1, b + 1) for a, b in zip(ends, ends[1:], strict=False)]
+    return [np.arange(a + 1, b + 1) for a, b in itertools.pairwise(ends)]
 
 
 def _read(x, y, at):

@@ -331,9 +331,7 @@ def run(fabric, laws, name):
         models[key], more = _model_points(test, predictor)
         notes += more
     with timings.measure(f"{name}: prediction of all tests"):
-        predicted, more = _prediction_dataset(
-            fabric, predictor, *asked, _pretensions(measured)
-        )
+        predicted, more = _prediction_dataset(fabric, predictor, *asked, _pretensions(measured))
     curves = _curve_dataset(measured, models, fitted, _pretensions(measured))
     dataset = xr.merge(
         [_fit_dataset(found), curves, predicted], join="exact",

@@ -95,15 +95,9 @@ def _cell(value):
 def decoded(raw, where):
     """(text, name of the encoding) of bytes: by byte order mark, by the zero bytes of UTF-16, UTF-8,
     or else Windows-1252."""
-    for mark, name in (
-        (b"\xef\xbb\xbf", "utf-8-sig"),
-        (b"\xff\xfe", "utf-16"),
-        (b"\xfe\xff", "utf-16"),
-    ):
-        if raw.startswith(mark):
-            break
-    else:
-        name = "utf-8"
+    marks = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+    name = next((marks[mark] for mark in marks if raw.startswith(mark)), "utf-8")
+    if name == "utf-8":
         # Of text in Latin letters every second byte of UTF-16 is zero.
         head = raw[:2000]
         for start, known in ((0, "utf-16-be"), (1, "utf-16-le")):
@@ -265,7 +259,7 @@ def decimal_sign(cells, places, delimiter=""):
         late, early = max(first["."], first[","]), min(first["."], first[","])
         raise InputError(
             places(late), repr(cells[late]),
-            f"{places(early).rpartition(':')[2]} has {cells[early]!r}: must keep to one decimal sign",
+            f"line {places(early).rpartition(':')[2]} has {cells[early]!r}: must keep to one decimal sign",
         )  # fmt: skip
     for sign in ".,":
         if sign in first:

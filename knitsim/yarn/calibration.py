@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 
 from knitsim.errors import InputError
-from knitsim.measured.course import last_before_break, noise
+from knitsim.measured.course import AFTER_BREAK, last_before_break, noise
 from knitsim.yarn import law, piecewise_fit
 
 # Names of first slope, second slope and kink, and whether the second line is the flatter one.
@@ -27,7 +27,6 @@ KINDS = {
 }
 LEAST_POINTS = 8
 MOST_POINTS = 2000  # of a measured curve; of longer ones the means of so many pieces
-AFTER = "after the break"
 # Largest systematic deviation, as a part of the largest force, that a verdict allows.
 GOOD, FAIR = 0.01, 0.02
 # Noise (rms, part of the largest force) above which no fit is called good.
@@ -113,10 +112,8 @@ def calibrate_test(test, kind, *, onset="auto"):
         points["strain"], points["force"], kind, source=test.source, onset=onset,
         broke_below=test.broke_below,
     )  # fmt: skip
-    return replace(
-        found,
-        points_cut=sum(last - first + 1 for first, last, why in test.left_out if why == AFTER),
-    )
+    cut = [last - first + 1 for first, last, why in test.left_out if why == AFTER_BREAK]
+    return replace(found, points_cut=sum(cut))
 
 
 def calibrate(strain, force, kind, *, source="curve", onset="auto", broke_below=None):
