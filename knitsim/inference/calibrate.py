@@ -42,6 +42,7 @@ PENALTY = 1e3  # residual of a trial that failed: far beyond any that succeeds
 MOST_TRIALS = 60
 STEP = 1e-3  # of a value, for differences between solved tests
 LEAST_STEP = 1e-3  # of the range between the bounds, for values near zero
+LEAST_BAND = 0.1  # of the middle width of a band
 FLOOR = 0.05  # of the largest measured value: a relative misfit divides by no less
 TOLERANCES = {"ftol": 1e-6, "xtol": 1e-6, "gtol": 1e-7}
 PROFILE_AT = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)  # standard errors
@@ -336,7 +337,9 @@ class _Trials:
     def _divisor(self, curve, measured):
         if self.problem.misfit == "band":
             low, high = curve.band
-            return 0.5 * (high - low)
+            half = 0.5 * (high - low)
+            # Specimens whose curves cross are no more certain there.
+            return np.maximum(half, LEAST_BAND * np.median(half))
         largest = np.abs(measured).max()
         if self.problem.misfit == "absolute":
             return np.full(len(measured), largest)

@@ -106,9 +106,7 @@ def columns_of(sheet, where, kind, answers, tension_is_fabric):
         one.recognised.append(f"specimen {number} of {len(found)}, side by side")
     first = found[0].recognised
     head = [sheet.how + {",": ", decimal comma", ".": "", "": ""}[table.sign]]
-    head += [
-        f"{name} {_condition_text(table, name)}" for name in table.conditions if name in conditions
-    ]
+    head += [_condition_text(table, name) for name in table.conditions if name in conditions]
     unused = [one.text for i, one in enumerate(table.headings) if one.text and not any(
         i in columns for one in chosen for columns in one.values()
     )]  # fmt: skip
@@ -132,7 +130,7 @@ def _parts(columns):
 
 def _condition_text(table, name):
     line, one, text = table.conditions[name]
-    return f"from line {line}: {one.text.lstrip('# ')} = {text}"
+    return f"{name.replace('_', ' ')} from line {line}: {one.text.lstrip('# ')} = {text}"
 
 
 def _conditions(table, answers, where):

@@ -153,7 +153,7 @@ class MeasuredTest:
     def band(self):
         """(low, high) of the strain, (n,) each, or None without a band of some width."""
         low, high = self.values.get("strain_low"), self.values.get("strain_high")
-        return None if low is None or not (low < high).all() else (low, high)
+        return None if low is None or not (low < high).any() else (low, high)
 
     @property
     def weight(self):
@@ -166,7 +166,7 @@ class MeasuredTest:
     def kept(self, points, **changes):
         """The test with these points only (bool or numbers)."""
         values = {name: value[points] for name, value in self.values.items()}
-        return replace(self, values=values, phase=self.phase[points], **changes)
+        return replace(self, **({"values": values, "phase": self.phase[points]} | changes))
 
     def counted_from(self, zero, across=None):
         """The test with its strains counted from the state strained by ``zero``, ``across`` it."""
