@@ -400,33 +400,99 @@ FABRIC = {"direction": "wale", "kind": "tension"}
 YARN = {"kind": "yarn_tension", "linear_density_tex": 30}
 PULL = np.linspace(0.0, 0.07, 20), np.linspace(0.0, 4.0, 20)
 IMPOSSIBLE = {
-    "per cent called strain": (HEADER, 100 * STRAIN, FORCE, FABRIC, "more than 500 %|more than 200 %"),
-    "400 per cent called strain": (HEADER, 27 * STRAIN, FORCE, FABRIC, r"is it in per cent\? then state unit: \{strain: percent\}"),
-    "fraction called per cent": ("strain_percent,force_per_width_N_per_m", STRAIN / 10, FORCE, FABRIC, r"is it a fraction\? then state unit"),
-    "a fraction of a fraction": (HEADER, STRAIN / 200, FORCE, FABRIC, "no fabric test is that small"),
-    "force of another unit": (HEADER, STRAIN, 1e5 * FORCE, FABRIC, "is the unit in the header right"),
+    "per cent called strain": (
+        HEADER, 100 * STRAIN, FORCE, FABRIC,
+        "more than 500 %|more than 200 %",
+    ),
+    "400 per cent called strain": (
+        HEADER, 27 * STRAIN, FORCE, FABRIC,
+        r"is it in per cent\? then state unit: \{strain: percent\}",
+    ),
+    "fraction called per cent": (
+        "strain_percent,force_per_width_N_per_m", STRAIN / 10, FORCE, FABRIC,
+        r"is it a fraction\? then state unit",
+    ),
+    "a fraction of a fraction": (
+        HEADER, STRAIN / 200, FORCE, FABRIC,
+        "no fabric test is that small",
+    ),
+    "force of another unit": (
+        HEADER, STRAIN, 1e5 * FORCE, FABRIC,
+        "is the unit in the header right",
+    ),
     "force that is none": (HEADER, STRAIN, 0 * FORCE, FABRIC, "must rise above 0"),
     "hardly a force": (HEADER, STRAIN, 1e-3 * FORCE, FABRIC, "must be from 0.5 to 30000 N/m"),
-    "shorter than half": (HEADER, np.append(-0.6, STRAIN[1:]), FORCE, FABRIC, r"curve\.csv:2: strain = -0\.6: must be above -0\.5"),
-    "a yarn's per cent called strain": ("strain,force_N", 100 * PULL[0], PULL[1], YARN, "no yarn is strained by more than"),
-    "a yarn's fraction called per cent": ("strain_percent,force_N", PULL[0], PULL[1], YARN, "is it a fraction"),
-    "cN called N": ("strain,force_N", PULL[0], 100 * PULL[1], YARN, "400 N, 1333 cN/tex at most: must be from 0.05 to 500 cN/tex"),
-    "kN called N": ("strain,force_N", PULL[0], 1e-3 * PULL[1], YARN, "is the unit of the force right"),
-    "too stiff for any fibre": ("strain,force_N", PULL[0] / 40, 5 * PULL[1], YARN, "no fibre is stiffer"),
-    "moment of another unit": (BENT, LOOP, 5e3 * LOOP, {"direction": "wale"}, "is the unit in the header right"),
-    "moments far beyond the yarns": (BENT, LOOP, 5.0 * LOOP, {"direction": "wale", "rigidity": 5e-6}, "98.1 times that of its yarns side by side"),
-    "curvature of another unit": (BENT, 1e3 * LOOP, LOOP, {"direction": "wale"}, "at most 100 per cm"),
+    "shorter than half": (
+        HEADER, np.append(-0.6, STRAIN[1:]), FORCE, FABRIC,
+        r"curve\.csv:2: strain = -0\.6: must be above -0\.5",
+    ),
+    "a yarn's per cent called strain": (
+        "strain,force_N", 100 * PULL[0], PULL[1], YARN,
+        "no yarn is strained by more than",
+    ),
+    "a yarn's fraction called per cent": (
+        "strain_percent,force_N", PULL[0], PULL[1], YARN,
+        "is it a fraction",
+    ),
+    "cN called N": (
+        "strain,force_N", PULL[0], 100 * PULL[1], YARN,
+        "400 N, 1333 cN/tex at most: must be from 0.05 to 500 cN/tex",
+    ),
+    "kN called N": (
+        "strain,force_N", PULL[0], 1e-3 * PULL[1], YARN,
+        "is the unit of the force right",
+    ),
+    "too stiff for any fibre": (
+        "strain,force_N", PULL[0] / 40, 5 * PULL[1], YARN,
+        "no fibre is stiffer",
+    ),
+    "moment of another unit": (
+        BENT, LOOP, 5e3 * LOOP, {"direction": "wale"},
+        "is the unit in the header right",
+    ),
+    "moments far beyond the yarns": (
+        BENT, LOOP, 5.0 * LOOP, {"direction": "wale", "rigidity": 5e-6},
+        "98.1 times that of its yarns side by side",
+    ),
+    "curvature of another unit": (
+        BENT, 1e3 * LOOP, LOOP, {"direction": "wale"},
+        "at most 100 per cm",
+    ),
     "hardly bent": (BENT, 1e-3 * LOOP, LOOP, {"direction": "wale"}, "0.01 per cm or more"),
     "never flat": (BENT, 1.0 + UP, UP, {"direction": "wale"}, "must pass the flat fabric"),
-    "a moment that falls": (BENT, LOOP, -LOOP, {"direction": "wale"}, "must rise with the curvature"),
-    "not sorted": (HEADER, STRAIN[[0, 1, 4, 2, 3, 5]], FORCE[[0, 1, 4, 2, 3, 5]], FABRIC, "points of loading|strain falls on loading"),
+    "a moment that falls": (
+        BENT, LOOP, -LOOP, {"direction": "wale"},
+        "must rise with the curvature",
+    ),
+    "not sorted": (
+        HEADER, STRAIN[[0, 1, 4, 2, 3, 5]], FORCE[[0, 1, 4, 2, 3, 5]], FABRIC,
+        "points of loading|strain falls on loading",
+    ),
     "recovery first": (HEADER, STRAIN[::-1], FORCE[::-1], FABRIC, "loading comes first"),
-    "force that falls": (HEADER, STRAIN, [0.0, 4.0, 60.0, 30.0, 70.0, 150.0], FABRIC, r"curve\.csv:5: force_per_width_N_per_m = 30: force falls on loading"),
-    "force that rises on recovery": (HEADER, np.append(STRAIN, BACK[0]), np.append(FORCE, [60.0, 80.0, 0.0]), FABRIC, "force rises on recovery"),
-    "a band without the strain": (HEADER + ",strain_low,strain_high", STRAIN, FORCE, FABRIC, r"curve\.csv:2: strain_low"),
-    "compliance without width": (HEADER, STRAIN, FORCE, FABRIC | {"machine_compliance": 1e-5, "gauge_length": 0.1}, "width_mm"),
-    "compliance beyond the extension": (HEADER, STRAIN, FORCE, FABRIC | {"machine_compliance": 1e-2, "gauge_length": 0.1, "width": 0.05}, "nothing is left"),
-    "pretension above all forces": (HEADER, STRAIN, FORCE, FABRIC | {"pretension": 200.0}, "below the largest force"),
+    "force that falls": (
+        HEADER, STRAIN, [0.0, 4.0, 60.0, 30.0, 70.0, 150.0], FABRIC,
+        r"curve\.csv:5: force_per_width_N_per_m = 30: force falls on loading",
+    ),
+    "force that rises on recovery": (
+        HEADER, np.append(STRAIN, BACK[0]), np.append(FORCE, [60.0, 80.0, 0.0]), FABRIC,
+        "force rises on recovery",
+    ),
+    "a band without the strain": (
+        HEADER + ",strain_low,strain_high", STRAIN, FORCE, FABRIC,
+        r"curve\.csv:2: strain_low",
+    ),
+    "compliance without width": (
+        HEADER, STRAIN, FORCE, FABRIC | {"machine_compliance": 1e-5, "gauge_length": 0.1},
+        "width_mm",
+    ),
+    "compliance beyond the extension": (
+        HEADER, STRAIN, FORCE, FABRIC | {"machine_compliance": 1e-2, "gauge_length": 0.1, "width": 0.05},
+        "nothing is left",
+    ),
+    "pretension above all forces": (
+        HEADER, STRAIN, FORCE, FABRIC | {"pretension": 200.0},
+        "below the largest force",
+    ),
 }  # fmt: skip
 
 

@@ -96,8 +96,9 @@ READ = {
         "cp1252", {},
     ),
     "Zwick in UTF-16": (ZWICK, "utf-16", {}),
-    "Unicode text of Excel without its mark": (META + table("Extension (mm)\tForce (N)", E, N, sep="\t"),
-                                               "utf-16-le", {}),
+    "Unicode text of Excel without its mark": (
+        META + table("Extension (mm)\tForce (N)", E, N, sep="\t"), "utf-16-le", {},
+    ),
     "MTS TestSuite, tabs": (MTS, "utf-8", {}),
     "saved by Excel under a comma locale": (EXCEL, "utf-8", {}),
     "Excel's line for the delimiter": (
@@ -107,13 +108,19 @@ READ = {
     "points between thousands": (
         META + millinewtons("extension_mm;force_mN", ".", ",", ";"), "utf-8", {},
     ),
-    "commas between thousands": (META + millinewtons("extension_mm\tforce_mN", ",", ".", "\t"), "utf-8", {}),
+    "commas between thousands": (
+        META + millinewtons("extension_mm\tforce_mN", ",", ".", "\t"),
+        "utf-8", {},
+    ),
     "Swiss thousands": (META + millinewtons("extension_mm;force_mN", "'", ".", ";"), "utf-8", {}),
     "blanks between columns": (
         META + "Extension (mm)     Force (N)\n"
         + "".join(f"{e:10.3f}   {f:12.5f}\n" for e, f in zip(E, N, strict=True)), "utf-8", {},
     ),
-    "header cells of two lines": (META + '"Extension\n(mm)","Load\n(N)"\n' + table("", E, N), "utf-8", {}),
+    "header cells of two lines": (
+        META + '"Extension\n(mm)","Load\n(N)"\n' + table("", E, N),
+        "utf-8", {},
+    ),
     "units behind in": (META + table("Weg in mm;Kraft in N", E, N, sep=";"), "utf-8", {}),
     "units behind a slash": (META + table("Weg / mm;Kraft F / N", E, N, sep=";"), "utf-8", {}),
     "units behind a comma": (META + table("Extension, mm;Load, N", E, N, sep=";"), "utf-8", {}),
@@ -146,16 +153,25 @@ READ = {
     "a strip test in N/5cm": (table("Dehnung [%];Kraft [N/5cm]", E, N, sep=";"), "utf-8", {}),
     "strain as a fraction": ("# width_mm: 50\n" + table("strain,force_N", E / 100, N), "utf-8", {}),
     "a typographic minus": (PLAIN.replace("0.0000,0.0000", "−0.0100,0.0000"), "utf-8", {}),
-    "rows twice": (META + table("extension_mm,force_N", np.repeat(E, 2), np.repeat(N, 2)), "utf-8", {}),
+    "rows twice": (
+        META + table("extension_mm,force_N", np.repeat(E, 2), np.repeat(N, 2)),
+        "utf-8", {},
+    ),
     "no header, columns by number": (table("", E, N), "utf-8", {
         "columns": {"extension_mm": 1, "force_N": 2}, "gauge_length_mm": 100, "width_mm": 50,
     }),
     "columns by heading": (table("Kanal A,Kanal B", N, E), "utf-8", {
         "columns": {"extension_mm": "Kanal B", "force_N": "Kanal A"}, "gauge_length": 0.1, "width": 0.05,
     }),
-    "units stated": (META + table("Weg,Kraft", E, 100 * N), "utf-8", {"unit": {"extension": "mm", "Kraft": "cN"}}),
+    "units stated": (
+        META + table("Weg,Kraft", E, 100 * N), "utf-8", {"unit": {"extension": "mm",
+        "Kraft": "cN"}},
+    ),
     "lines passed over": ("1,2\n3,4\n5,6\n" + PLAIN, "utf-8", {"skip": 3}),
-    "one line passed over": (PLAIN.replace("30.0000,", "oops,30.0000,\n30.0000,"), "utf-8", {"skip": [10]}),
+    "one line passed over": (
+        PLAIN.replace("30.0000,", "oops,30.0000,\n30.0000,"),
+        "utf-8", {"skip": [10]},
+    ),
     "strain and extension that agree": (
         META + table("Extension (mm),Strain (%),Load (N)", E, E + 0.001, N), "utf-8", {},
     ),
@@ -235,14 +251,23 @@ def test_a_workbook_is_read_as_text_is(tmp_path, text):
 STRAIN = np.linspace(0.0, 0.07, 15)
 PULL = np.interp(STRAIN, [0.0, 0.02, 0.07], [0.0, 0.9, 5.5])  # N
 YARN_READ = {
-    "lbf and inch": ("# gauge_length_in: 20\n", "Extension (in),Force (lbf)", 20.0, 1 / 4.4482216152605),
+    "lbf and inch": (
+        "# gauge_length_in: 20\n",
+        "Extension (in),Force (lbf)", 20.0, 1 / 4.4482216152605,
+    ),
     "kN": ("# gauge_length_mm: 500\n", "Extension (mm),Force (kN)", 500.0, 1e-3),
     "gram": ("# gauge_length_mm: 500\n", "Elongation (%),Force (g)", 100.0, 1e3 / G0),
-    "gauge length with a decimal comma": ("# gauge_length_mm: 500,0\n", "extension_mm,force_N", 500.0, 1.0),
+    "gauge length with a decimal comma": (
+        "# gauge_length_mm: 500,0\n",
+        "extension_mm,force_N", 500.0, 1.0,
+    ),
     "cN/tex": ("# linear_density_tex: 33.333\n", "strain,tenacity_cN_per_tex", 1.0, 100 / 33.333),
     "cN/dtex": ("Feinheit,333.33,dtex\n", "Dehnung (%),Kraft (cN/dtex)", 100.0, 100 / 333.33),
     "gf/den": ("# count_den: 299.997\n", "strain,tenacity_gf/den", 1.0, 1e3 / G0 / 299.997),
-    "N/tex and a count in Ne": ("Yarn count,Ne 17.7163,\n", "Strain [%],Tenacity [N/tex]", 100.0, 1 / 33.33),
+    "N/tex and a count in Ne": (
+        "Yarn count,Ne 17.7163,\n",
+        "Strain [%],Tenacity [N/tex]", 100.0, 1 / 33.33,
+    ),
     "Nm": ("Yarn count (Nm),30.0\n", "Strain [%],Tenacity [mN/tex]", 100.0, 1e3 / 33.333),
 }  # fmt: skip
 
@@ -415,21 +440,34 @@ def test_the_mean_of_yarns_and_of_bent_fabrics(write):
     np.testing.assert_allclose(
         test["moment_per_width"], 1.25e-3 * G0 * MOMENT, rtol=1e-6, atol=1e-12
     )
-    with pytest.raises(InputError, match="kind = .*must be the same of all specimens"):
+    with pytest.raises(InputError, match=r"kind = .*must be the same of all specimens"):
         read_measured([bent[0], write(PLAIN)], direction="wale")
 
 
 # ---- questions ----
 
 ASKED = {
-    "no unit": (table("Weg;Kraft", E, N, sep=";"), {}, r"csv:1 = 'Weg': lacks its unit: state unit: \{extension: mm\}"),
+    "no unit": (
+        table("Weg;Kraft", E, N, sep=";"), {},
+        r"csv:1 = 'Weg': lacks its unit: state unit: \{extension: mm\}",
+    ),
     "a unit that is not known": (
-        META + table("extension_mm,force (furlong)", E, N), {}, r"furlong is no unit that is known: state unit",
+        META + table("extension_mm,force (furlong)", E, N), {},
+        r"furlong is no unit that is known: state unit",
     ),
     "MN": (META + table("extension_mm,force_MN", E, N), {}, r"csv:3 = .*no column for the force"),
-    "stress instead of force": (META + table("extension_mm,force (N/mm2)", E, N), {}, r"'N/mm2' is no unit of"),
-    "no gauge length": (table("extension_mm,force_N", E, N), {"width": 0.05}, r"needs a line '# gauge_length_mm: ...'"),
-    "no width": (table("strain_percent,force_N", E, N), {}, r"'force_N': needs a line '# width_mm: ...'"),
+    "stress instead of force": (
+        META + table("extension_mm,force (N/mm2)", E, N), {},
+        r"'N/mm2' is no unit of",
+    ),
+    "no gauge length": (
+        table("extension_mm,force_N", E, N), {"width": 0.05},
+        r"needs a line '# gauge_length_mm: ...'",
+    ),
+    "no width": (
+        table("strain_percent,force_N", E, N), {},
+        r"'force_N': needs a line '# width_mm: ...'",
+    ),
     "gauge length without unit": ("Gauge length,100\n" + META[22:] + table("extension_mm,force_N", E, N), {},
                                   r"csv:1: gauge_length = '100': lacks its unit"),
     "gauge length of two readings": (
@@ -448,20 +486,39 @@ ASKED = {
         META + table("extension_mm;force_N", E, N, sep=";").replace("5.0000;", "5,5000;", 1), {},
         r"csv:5 = '5,5000': line 4 has '0.0000': must keep to one decimal sign",
     ),
-    "no header": (table("", E, N), {}, r"csv:1 = '0.0000, 0.0000': has no header above it: state columns"),
-    "misspelt": (META + table("extenion_mm,force_N", E, N), {}, r"no column for the strain \('extenion_mm' is not known\): .*state columns"),
-    "a column that is none": (PLAIN, {"columns": {"force_N": "Kraft"}}, r"columns = 'Kraft': is no column; the headings are"),
-    "a quantity that is none": (PLAIN, {"columns": {"kraft": "force_N"}}, r"columns = 'kraft': must be a quantity with its unit"),
+    "no header": (
+        table("", E, N), {},
+        r"csv:1 = '0.0000, 0.0000': has no header above it: state columns",
+    ),
+    "misspelt": (
+        META + table("extenion_mm,force_N", E, N), {},
+        r"no column for the strain \('extenion_mm' is not known\): .*state columns",
+    ),
+    "a column that is none": (
+        PLAIN, {"columns": {"force_N": "Kraft"}},
+        r"columns = 'Kraft': is no column; the headings are",
+    ),
+    "a quantity that is none": (
+        PLAIN, {"columns": {"kraft": "force_N"}},
+        r"columns = 'kraft': must be a quantity with its unit",
+    ),
     "a unit that is none": (PLAIN, {"unit": {"force": "gff"}}, r"unit.force = 'gff': is no unit"),
     "two extensions": (
         META + table("Extension (mm),Crosshead (mm),Load (N)", E, 1.3 * E, N), {},
-        r"'Extension \(mm\)' and 'Crosshead \(mm\)': only one column may give the strain, and these differ: state columns",
+        r"'Extension \(mm\)' and 'Crosshead \(mm\)': only one .* strain, and these differ: state columns",
     ),
     "strain and extension that do not agree": (
-        META + table("Extension (mm),Strain (%),Load (N)", E, 0.5 * E, N), {}, r"only one column may give the strain",
+        META + table("Extension (mm),Strain (%),Load (N)", E, 0.5 * E, N), {},
+        r"only one column may give the strain",
     ),
-    "a number that is a word": (PLAIN.replace("30.0000,", "abc,"), {}, r"csv:10: extension_mm = 'abc': must be a number"),
-    "no number": (PLAIN.replace("30.0000,", "NaN,"), {}, r"csv:10: extension_mm = 'NaN': must be a finite number"),
+    "a number that is a word": (
+        PLAIN.replace("30.0000,", "abc,"), {},
+        r"csv:10: extension_mm = 'abc': must be a number",
+    ),
+    "no number": (
+        PLAIN.replace("30.0000,", "NaN,"), {},
+        r"csv:10: extension_mm = 'NaN': must be a finite number",
+    ),
     "a blank": (PLAIN.replace("30.0000,", ","), {}, r"csv:10: extension_mm = '': must be a number"),
     "words between the rows": (
         PLAIN.replace("30.0000,", "pause\n30.0000,"), {},
@@ -470,17 +527,41 @@ ASKED = {
     "broken quotes": (PLAIN.replace("30.0000,", '"30.0000,'), {}, r"csv:10 .*broken quotes"),
     "nothing": ("", {}, r"wale.csv = no data"),
     "comments only": ("# nothing\n", {}, r"wale.csv = no data"),
-    "no numbers": ("extension_mm,force_N\n", {"gauge_length": 0.1, "width": 0.05}, r"csv:1: the curve has 0 points, at least 4"),
-    "words only": ("the curve\nis lost\n", {}, r"csv:1 = 'the curve': no lines of two or more numbers"),
-    "three points": ("strain,force_per_width_N_per_m\n0,0\n0.1,9\n0.2,30\n", {}, r"csv:4: the curve has 3 points"),
+    "no numbers": (
+        "extension_mm,force_N\n", {"gauge_length": 0.1, "width": 0.05},
+        r"csv:1: the curve has 0 points, at least 4",
+    ),
+    "words only": (
+        "the curve\nis lost\n", {},
+        r"csv:1 = 'the curve': no lines of two or more numbers",
+    ),
+    "three points": (
+        "strain,force_per_width_N_per_m\n0,0\n0.1,9\n0.2,30\n", {},
+        r"csv:4: the curve has 3 points",
+    ),
     "an old workbook": (b"\xd0\xcf\x11\xe0rest", {}, r"an old Excel file: must be saved as .xlsx"),
     "no workbook": (b"PK\x03\x04rest", {}, r"a workbook: cannot be read as .xlsx"),
     "a zero byte": (PLAIN.replace("30.0000", "30.0\x00000"), {}, r"csv:10 = a zero byte"),
-    "a fabric or a yarn": (table("strain,force_N", E / 100, N), {"direction": ""}, r"may be of a fabric or of a yarn"),
-    "a decimal sign that is none": ("# decimal_sign: dot\n" + PLAIN, {}, r"csv:1: decimal_sign = dot"),
-    "gauge length twice": ("# gauge_length_mm: 5\n" + PLAIN, {}, r"csv:2 .*gives the gauge_length again"),
-    "gauge length of no length": (PLAIN.replace(": 100", ": 0"), {}, r"csv:1: gauge_length = 0: must be above 0"),
-    "gauge length in words": (PLAIN.replace(": 100", ": long"), {}, r"csv:1: gauge_length = 'long': must be a number"),
+    "a fabric or a yarn": (
+        table("strain,force_N", E / 100, N), {"direction": ""},
+        r"may be of a fabric or of a yarn",
+    ),
+    "a decimal sign that is none": (
+        "# decimal_sign: dot\n" + PLAIN, {},
+        r"csv:1: decimal_sign = dot",
+    ),
+    "gauge length twice": (
+        "# gauge_length_mm: 5\n" + PLAIN, {},
+        r"csv:2 .*gives the gauge_length again",
+    ),
+    "gauge length of no length": (
+        PLAIN.replace(": 100", ": 0"), {},
+        r"csv:1: gauge_length = 0: must be above 0",
+    ),
+    "gauge length in words": (
+        PLAIN.replace(": 100", ": long"), {},
+        r"csv:1: gauge_length = 'long': must be a number",
+    ),
     "half a band": (PLAIN.replace("force_N", "strain_low"), {}, r"no column for the force"),
     "another kind": (PLAIN, {"kind": "torsion"}, r"kind = torsion: must be tension or bending"),
     "another zero": (PLAIN, {"zero": "off"}, r"zero = off: must be keep or start or tail"),

@@ -28,7 +28,9 @@ def path(tmp_path):
 
 def test_the_report_names_columns_units_and_rows(path):
     text = report(read_measured(path, direction="wale"))
-    assert text.startswith("wale: tension along the wale, 7 points to 20 %, 0.04 N/mm, with recovery\n")
+    assert text.startswith(
+        "wale: tension along the wale, 7 points to 20 %, 0.04 N/mm, with recovery\n"
+    )
     for line in (
         "UTF-8, cells between ';', decimal comma", "gauge length from line 1: Gauge length = 100,0 mm",
         "strain: column 2, 'Weg [mm]' in mm, over the gauge length",
@@ -60,7 +62,16 @@ def test_the_command_answers_what_a_file_leaves_open(path, tmp_path, capsys):
     assert said.out == "" and said.err.count("\n") == 1 and said.err.startswith("knitsim: ")
     answers = ["--column", "strain_percent=1", "--unit", "Kraft=cN", "--state", "width_mm=50"]
     out = tmp_path / "own.csv"
-    arguments = [str(open_), *answers, "--direction", "wale", "--csv", str(out), "--plot", str(tmp_path / "x.svg")]
+    arguments = [
+        str(open_),
+        *answers,
+        "--direction",
+        "wale",
+        "--csv",
+        str(out),
+        "--plot",
+        str(tmp_path / "x.svg"),
+    ]
     assert main(arguments) == 0
     assert "tension along the wale, 10 points to 45 %" in capsys.readouterr().out
     assert read_measured(out)["force_per_width"][-1] == pytest.approx(45.0**2 / 100 / 0.05)
@@ -69,7 +80,8 @@ def test_the_command_answers_what_a_file_leaves_open(path, tmp_path, capsys):
 
 def test_it_runs_from_a_shell(path):
     run = subprocess.run(
-        [sys.executable, "-m", "knitsim.measured.report", str(path)], capture_output=True, text=True, check=True
+        [sys.executable, "-m", "knitsim.measured.report", str(path)], capture_output=True, text=True,
+        check=True,
     )  # fmt: skip
     assert re.match(r"wale: tension, 7 points", run.stdout)
 
@@ -96,7 +108,10 @@ def test_a_curve_that_is_written_and_saved_by_excel_is_read_again(path, tmp_path
 
 @pytest.mark.parametrize("kind", ["yarn_tension", "bending"])
 def test_every_kind_can_be_written(tmp_path, kind):
-    headers = {"yarn_tension": "strain,force_cN", "bending": "curvature_per_cm,moment_per_width_gf_cm_per_cm"}
+    headers = {
+        "yarn_tension": "strain,force_cN",
+        "bending": "curvature_per_cm,moment_per_width_gf_cm_per_cm",
+    }
     factor = {"yarn_tension": (0.01, 30.0), "bending": (0.1, 0.03)}[kind]
     rows = "".join(f"{factor[0] * i},{factor[1] * i}\n" for i in range(10))
     (tmp_path / "in.csv").write_text(f"# linear_density_tex: 30\n{headers[kind]}\n{rows}")

@@ -4,13 +4,15 @@ Every function takes the datasets of ``measured/<fabric>/`` by the name of their
 prediction with all parameters as given comes first.
 """
 
+import json
+
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import style
-from knitsim.figures.states import PERCENT, fabric_name, heading, letter
+from knitsim.figures.states import PERCENT, heading, letter
 from knitsim.study.measured_keys import GIVEN
 from knitsim.units import from_si, label
 
@@ -52,6 +54,11 @@ def _looks(datasets, nested=False):
             looks[name] |= {"linewidth": width, "zorder": 2.0 + 0.01 * place}
         number += name != GIVEN
     return looks
+
+
+def _fabric(datasets):
+    """Name of the fabric that the datasets are about."""
+    return json.loads(next(iter(datasets.values())).attrs["configuration"])["name"]
 
 
 def title_of(name):
@@ -167,7 +174,7 @@ def fig30_calibration(datasets):
     )
     heading(
         fig,
-        f"Fig. 30  Fabric {fabric_name(next(iter(datasets.values())))}, calibrated on measured curves:"
+        f"Fig. 30  Fabric {_fabric(datasets)}, calibrated on measured curves:"
         f" {direction} direction",
     )
     for number, (ax, (name, dataset)) in enumerate(zip(axes.flat, datasets.items(), strict=False)):
@@ -214,7 +221,7 @@ def fig31_prediction(datasets):
     first = next(iter(datasets.values()))
     heading(
         fig,
-        f"Fig. 31  Fabric {fabric_name(first)}, predicted by each choice of parameters: how far they"
+        f"Fig. 31  Fabric {_fabric(datasets)}, predicted by each choice of parameters: how far they"
         " lie apart",
     )
     measured = {}
@@ -328,7 +335,7 @@ def fig32_misfit_profile(datasets):
     fig, axes = style.figure(height_mm=26.0 + 62.0 * rows, rows=rows, columns=columns, sharey=True)
     heading(
         fig,
-        f"Fig. 32  Fabric {fabric_name(next(iter(datasets.values())))}: misfit along each calibrated"
+        f"Fig. 32  Fabric {_fabric(datasets)}: misfit along each calibrated"
         " parameter, the others fitted again",
     )
     # Far from the fit the misfit may be large, which hides where it is small.

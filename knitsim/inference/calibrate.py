@@ -67,9 +67,10 @@ class Problem:
     """What is to be fitted.
 
     fabric: with all other inputs; parameters: one to three :class:`Parameter`; curves: measured
-    tests (MeasuredTest) of tension, of which those points count that say something, and of bending; kind: "strain" at given force or "force" at given strain
-    (bending: always the moment); misfit: "relative" to the measured value (no less than 5 % of the
-    largest), "absolute" (over the largest of the curve) or "band" (over half the measured band);
+    tests (MeasuredTest) of tension, of which those points count that say something, and of bending;
+    kind: "strain" at given force or "force" at given strain (bending: always the moment); misfit:
+    "relative" to the measured value (no less than 5 % of the largest), "absolute" (over the largest of
+    the curve) or "band" (over half the measured band, no less than a tenth of its middle width);
     resolution, states: of the solver, states up to the largest measured strain.
     """
 

@@ -1,8 +1,8 @@
 """The points of a measured tension test from the model.
 
-A measured test is a knitsim.measured.test.MeasuredTest.  It is solved at strains that do not depend on the fabric's inputs, up to the largest
-measured force; between its states the strain at a force (or the force at a strain) is interpolated
-by monotone cubics.
+A measured test is a knitsim.measured.test.MeasuredTest.  It is solved at strains that do not depend
+on the fabric's inputs, up to the largest measured force; between its states the strain at a force (or
+the force at a strain) is interpolated by monotone cubics.
 """
 
 from dataclasses import dataclass

@@ -1,11 +1,14 @@
-"""What the caller states of a file, in answer to what it leaves open."""
+"""What a file states of itself once, and what the caller states in answer to what it leaves open."""
+
+import re
 
 import numpy as np
 
 from knitsim.errors import InputError
-from knitsim.measured.names import FAMILIES, QUANTITIES, heading, plain
-from knitsim.measured.table import shown
-from knitsim.units import parsed
+from knitsim.measured.names import CONDITIONS, FAMILIES, QUANTITIES, heading, plain
+from knitsim.measured.table import NUMBER_UNIT, shown
+from knitsim.store.sheet import number_in
+from knitsim.units import COUNT_UNITS, parsed
 
 
 class Answers:
@@ -85,3 +88,43 @@ def example(quantity):
 
 def listed(headings):
     return shown([one.text for one in headings])
+
+
+def condition_value(entry, where, sign):
+    """(SI value, powers of its unit) of a condition of the preamble: (line, Heading, text).
+
+    sign: decimal sign of the file.  Raises InputError for what is no value, or could be two.
+    """
+    line, one, text = entry
+    here, unit = f"{where}:{line}: {one.condition}", one.unit
+    spelt = text
+    for count in COUNT_UNITS:
+        if re.match(rf"{count}\s*\d", text):
+            spelt = f"{text[len(count) :].strip()} {count}"
+    match = NUMBER_UNIT.match(spelt)
+    if not match:
+        raise InputError(here, repr(text), "must be a number")
+    number, tail = match.groups()
+    if tail:
+        own = heading(f"count ({tail})").unit
+        if own is None:
+            raise InputError(here, repr(text), "must be a number and a unit that is known")
+        unit = own
+    powers, example, _ = CONDITIONS[one.condition]
+    if unit is None:
+        raise InputError(here, repr(text), f"lacks its unit: state {example}")
+    if unit.powers not in powers:
+        raise InputError(here, repr(unit.text), f"is no unit of it: state {example}")
+    possible = {value for s in ".," if (value := number_in(number.strip(), s)) is not None}
+    if len(possible) > 1 and sign and sign in number:
+        possible = {number_in(number.strip(), sign)}
+    if len(possible) > 1:
+        raise InputError(
+            here, repr(number), f"may have a decimal sign or one between thousands: state {example}"
+        )
+    if not possible:
+        raise InputError(here, repr(number), "must be a number")
+    value = possible.pop()
+    if not value > 0:
+        raise InputError(here, number, "must be above 0")
+    return unit.to_si(value), unit.powers

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from knitsim.errors import InputError
-from knitsim.measured.answers import example, listed
+from knitsim.measured.answers import condition_value, example, listed
 from knitsim.measured.names import CONDITIONS, FAMILIES, QUANTITIES, heading
-from knitsim.measured.table import condition_value, header_of, shown, take_rows
+from knitsim.measured.table import header_of, shown, take_rows
 from knitsim.measured.test import KINDS
 
 BESIDE = {"tension": ("lateral_strain", "strain_low", "strain_high")}
@@ -297,12 +297,9 @@ def _to_si(table, kind, chosen, conditions, answers):
     """The :class:`Columns` of the columns of one specimen."""
     x, y = KINDS[kind]
     rows = np.arange(len(table.rows))
-    blank = np.array([
-        all(column >= len(row) or row[column] == "" for column in (chosen[x][0], chosen[y][0]))
-        for row in table.rows
-    ], dtype=bool) if any(len(row) < len(table.headings) or "" in row for row in table.rows) else None  # fmt: skip
-    if blank is not None:
-        rows = rows[~blank]
+    if any(len(row) < len(table.headings) or "" in row for row in table.rows):
+        pairs = zip(table.cells(chosen[x][0]), table.cells(chosen[y][0]), strict=True)
+        rows = rows[[pair != ("", "") for pair in pairs]]
     values, written, recognised = {}, {}, []
     for quantity, columns in chosen.items():
         column = columns[0]

@@ -285,8 +285,8 @@ def refuse_force(columns, stated):
     if fabric and not FORCES[0] <= largest <= FORCES[1]:
         raise _ask(
             columns, quantity, f"{largest:.4g} N/m at most",
-            f"must be from {FORCES[0]:g} to {FORCES[1]:g} N/m for a knitted fabric: is the unit in the header "
-            "right? state unit: {force: ...} if it is not, or if it is",
+            f"must be from {FORCES[0]:g} to {FORCES[1]:g} N/m for a knitted fabric: is the unit in the "
+            "header right? state unit: {force: ...} if it is not, or if it is",
         )  # fmt: skip
     if fabric or density is None:
         return
@@ -305,8 +305,8 @@ def refuse_force(columns, stated):
     if modulus > STIFFEST:
         raise _ask(
             columns, quantity, f"initial modulus {1e-6 * modulus:.4g} N/tex",
-            f"must be at most {1e-6 * STIFFEST:g} N/tex, no fibre is stiffer: is the strain a fraction called "
-            f"per cent? {right}",
+            f"must be at most {1e-6 * STIFFEST:g} N/tex, no fibre is stiffer: is the strain a fraction "
+            f"called per cent? {right}",
         )  # fmt: skip
 
 

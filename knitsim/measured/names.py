@@ -89,15 +89,16 @@ CONDITIONS = {
         length; original length; l0; einspannlange; freie einspannlange; messlange; anfangsmesslange;
         klemmlange; pruflange; longueur initiale; longueur utile; longueur de reference; longueur d
         essai; distance entre mors; distance entre machoires; longueur entre mors"""),
-    "width": ((LENGTH,), "width_mm", """width; specimen width; sample width; initial width; strip width; breite;
-        probenbreite; streifenbreite; breite b0; b0; largeur; largeur eprouvette; largeur de l
+    "width": ((LENGTH,), "width_mm", """width; specimen width; sample width; initial width; strip width;
+        breite; probenbreite; streifenbreite; breite b0; b0; largeur; largeur eprouvette; largeur de l
         eprouvette; largeur d eprouvette"""),
-    "pretension": ((PER_WIDTH, FORCE, TENACITY), "pretension_N_per_mm", """pretension; pre tension; pretension force;
-        preload; pre load; preload force; vorkraft; vorspannkraft; precharge; pretension load"""),
-    "machine_compliance": ((COMPLIANCE,), "machine_compliance_mm_per_N", """machine compliance; compliance; system
-        compliance; nachgiebigkeit; maschinennachgiebigkeit"""),
-    "linear_density": ((COUNT,), "linear_density_dtex", """linear density; count; yarn count; yarn number; titre;
-        titer; feinheit; garnfeinheit; fineness; finesse; masse lineique"""),
+    "pretension": ((PER_WIDTH, FORCE, TENACITY), "pretension_N_per_mm", """pretension; pre tension;
+        pretension force; preload; pre load; preload force; vorkraft; vorspannkraft; precharge;
+        pretension load"""),
+    "machine_compliance": ((COMPLIANCE,), "machine_compliance_mm_per_N", """machine compliance; compliance;
+        system compliance; nachgiebigkeit; maschinennachgiebigkeit"""),
+    "linear_density": ((COUNT,), "linear_density_dtex", """linear density; count; yarn count; yarn number;
+        titre; titer; feinheit; garnfeinheit; fineness; finesse; masse lineique"""),
     "decimal_sign": ((), "decimal_sign", "decimal sign"),
 }  # fmt: skip
 _BRACKETS = re.compile(r"\(([^()]*)\)|\[([^\[\]]*)\]|<([^<>]*)>|\{([^{}]*)\}")

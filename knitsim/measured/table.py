@@ -11,15 +11,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from knitsim.errors import InputError
-from knitsim.measured.names import CONDITIONS, heading
+from knitsim.measured.names import heading
 from knitsim.store.sheet import NUMERIC, decimal_sign, is_missing, number_in, numbers_of
-from knitsim.units import COUNT_UNITS, parsed
+from knitsim.units import parsed
 
 # Families of columns that make a curve.
 PAIRS = (("lengthening", "force"), ("curvature", "moment"), ("thickness", "force"))
 STRAYS = 3  # rows of numbers below a line of text that may be left out as no part of the curve
 _VALUE = re.compile(r"^(.*?\w.*?)\s*[:=]\s*(.+)$", re.DOTALL)
-_NUMBER_UNIT = re.compile(r"^([+\-−]?[\d.,' \xa0]*\d)\s*(.*)$")
+NUMBER_UNIT = re.compile(r"^([+\-−]?[\d.,' \xa0]*\d)\s*(.*)$")
 _CYCLE = re.compile(r"\b(cycle|zyklus|loop|ramp)\b", re.IGNORECASE)
 _SPECIMEN = re.compile(
     r"\b(specimen|sample|probe|pr.fling|.prouvette|versuch|test|run)\b", re.IGNORECASE
@@ -245,46 +245,6 @@ def _take(conditions, one, text, line, where):
     return True
 
 
-def condition_value(entry, where, sign):
-    """(SI value, powers of its unit) of a condition of the preamble: (line, Heading, text).
-
-    sign: decimal sign of the file.  Raises InputError for what is no value, or could be two.
-    """
-    line, one, text = entry
-    here, unit = f"{where}:{line}: {one.condition}", one.unit
-    spelt = text
-    for count in COUNT_UNITS:
-        if re.match(rf"{count}\s*\d", text):
-            spelt = f"{text[len(count) :].strip()} {count}"
-    match = _NUMBER_UNIT.match(spelt)
-    if not match:
-        raise InputError(here, repr(text), "must be a number")
-    number, tail = match.groups()
-    if tail:
-        own = heading(f"count ({tail})").unit
-        if own is None:
-            raise InputError(here, repr(text), "must be a number and a unit that is known")
-        unit = own
-    powers, example, _ = CONDITIONS[one.condition]
-    if unit is None:
-        raise InputError(here, repr(text), f"lacks its unit: state {example}")
-    if unit.powers not in powers:
-        raise InputError(here, repr(unit.text), f"is no unit of it: state {example}")
-    possible = {value for s in ".," if (value := number_in(number.strip(), s)) is not None}
-    if len(possible) > 1 and sign and sign in number:
-        possible = {number_in(number.strip(), sign)}
-    if len(possible) > 1:
-        raise InputError(
-            here, repr(number), f"may have a decimal sign or one between thousands: state {example}"
-        )
-    if not possible:
-        raise InputError(here, repr(number), "must be a number")
-    value = possible.pop()
-    if not value > 0:
-        raise InputError(here, number, "must be above 0")
-    return unit.to_si(value), unit.powers
-
-
 def take_rows(table, pairs, used, sign):
     """Keep the rows of numbers of a :class:`Table`, note the others, settle its decimal sign.
 
@@ -363,7 +323,7 @@ def _sort_rows(table, pairs):
                 raise InputError(
                     table.place(i), shown(row),
                     f"has {len(_filled(row))} fields, must have the {width} of the header"
-                    + ("; a decimal comma needs semicolon or tab as the delimiter" * (table.delimiter == ",")),
+                    + "; a decimal comma needs semicolon or tab as the delimiter" * (table.delimiter == ","),
                 )  # fmt: skip
             if closed is not None:
                 strays.append(i)

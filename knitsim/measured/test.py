@@ -41,8 +41,8 @@ class MeasuredTest:
     kind: tension or bending of a fabric, yarn_tension, yarn_compression (two crossed yarns).  values:
     {quantity: array}, x and y of :data:`KINDS`; of a fabric's tension also lateral_strain (NaN where it
     was not measured) and strain_low, strain_high, the band of the strain, if they were measured; weight
-    if it was stated.  direction: course or wale, pulled or becoming curved; "" of a yarn, or if not stated.  phase: 0
-    loading, 1 recovery.  name: how messages and results call it.
+    if it was stated.  direction: course or wale, pulled or becoming curved; "" of a yarn, or if it is not
+    stated.  phase: 0 loading, 1 recovery.  name: how messages and results call it.
 
     strain counts from the state under ``pretension`` (N/m, of a yarn N; 0 without one), of the specimen
     alone; curvature is positive with the technical face convex.  lateral: of a model that follows the
@@ -230,7 +230,8 @@ class MeasuredTest:
         """What a result file keeps of where the numbers come from, as plain JSON types."""
         found = {
             "kind": self.kind, "direction": self.direction, "source": self.source, "points": len(self),
-            "conditions": dict(self.conditions), "pretension": self.pretension, "recognised": list(self.recognised),
+            "conditions": dict(self.conditions), "pretension": self.pretension,
+            "recognised": list(self.recognised),
             "corrections": list(self.corrections), "left_out": [list(row) for row in self.left_out],
             "comments": list(self.comments),
         }  # fmt: skip

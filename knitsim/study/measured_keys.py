@@ -110,8 +110,8 @@ FILE_KEYS = (
         choices=("comma", "point")),
 )
 ZERO_KEY = Key("zero", "zero", "choice", "Zero of the load cell. keep: the force is right as it stands. "
-    "start: what is read before the test is taken off. tail: what is read after the break. Without it a force "
-    "at no strain is asked about.", choices=("keep", "start", "tail"))
+    "start: what is read before the test is taken off. tail: what is read after the break. Without it a "
+    "force at no strain is asked about.", choices=("keep", "start", "tail"))
 
 MEASURED = Section(
     name="measured",
@@ -139,8 +139,8 @@ MEASURED = Section(
             "file of one cycle, which one of the test it is: friction remembers those before.",
             allowed="[1, 100]", default=1),
         ZERO_KEY,
-        Key("slack", "slack", "choice", "find: strain counts from where the specimen is taut, if it hung slack. "
-            "keep: as it stands. start: from the first point.", choices=("find", "keep", "start"),
+        Key("slack", "slack", "choice", "find: strain counts from where the specimen is taut, if it hung "
+            "slack. keep: as it stands. start: from the first point.", choices=("find", "keep", "start"),
             default="find"),
         Key("machine_compliance_mm_per_N", "machine_compliance", "number", "Extension of the machine "
             "and its clamps per force, subtracted from the extension.", unit="mm_per_N",
