@@ -121,6 +121,22 @@ READ = {
         META + '"Extension\n(mm)","Load\n(N)"\n' + table("", E, N),
         "utf-8", {},
     ),
+    "per cent in every cell": (
+        "# width_mm: 50\nDehnung;Kraft (N)\n"
+        + "".join(f"{e:.2f}%;{f:.4f}\n" for e, f in zip(E, N, strict=True)), "utf-8", {},
+    ),
+    "comments behind other signs": (
+        "% gauge_length_mm: 100\n// width_mm: 50 (cut by hand)\n" + table("Disp. (mm),Load (N)", E, N),
+        "utf-8", {},
+    ),
+    "a table of results before the data": (
+        "Results Table 1\n,Specimen label,Maximum Load (N),Strain at Maximum Load (%)\n1,W-1,20.94,60.0\n"
+        "2,W-2,21.10,61.0\n3,W-3,21.10,61.0\nMean,,21.05,60.7\n\nGauge length,100,mm\nWidth,50,mm\nRaw Data\n"
+        "Time,Extension,Load\n(s),(mm),(N)\n" + table("", TIME, E, N), "utf-8", {},
+    ),
+    "a pull that counts as negative": (
+        META + table("extension_mm,force_N", E, -N), "utf-8", {"unit": {"force": "-N"}},
+    ),
     "units behind in": (META + table("Weg in mm;Kraft in N", E, N, sep=";"), "utf-8", {}),
     "units behind a slash": (META + table("Weg / mm;Kraft F / N", E, N, sep=";"), "utf-8", {}),
     "units behind a comma": (META + table("Extension, mm;Load, N", E, N, sep=";"), "utf-8", {}),
@@ -523,6 +539,12 @@ ASKED = {
     "words between the rows": (
         PLAIN.replace("30.0000,", "pause\n30.0000,"), {},
         r"csv:10 = 'pause': stands above 7 more rows of numbers: .*state skip: \[10\]",
+    ),
+    "a mean without a name": (
+        PLAIN + "30.1,5.4\n", {}, r"csv:17: extension_mm = 30.1: stands apart .*skip: \[17\]",
+    ),
+    "a pull that counts as negative": (
+        META + table("extension_mm,force_N", E, -N), {}, r"must rise above 0: .* state unit: \{force: -N\}",
     ),
     "broken quotes": (PLAIN.replace("30.0000,", '"30.0000,'), {}, r"csv:10 .*broken quotes"),
     "nothing": ("", {}, r"wale.csv = no data"),

@@ -80,7 +80,8 @@ class Rewritten:
         if self.quoted and self.delimiter == ",":
             self.comma = self.chance(0.5)
         self.noise = 0.004 if self.chance(0.2) else 0.0
-        self.columns = []
+        self.minus, self.blank_lines, self.capitals = (self.chance(0.2) for _ in range(3))
+        self.columns, self.exponents = [], False
         self.place_curve()
         self.bytes = self.write()
 
@@ -94,11 +95,15 @@ class Rewritten:
         """Columns (name, unit, numbers, decimals) in a random order, the conditions that they need."""
         rng, fabric = self.rng, self.kind == "tension"
         strain, force = STRAIN[self.kind].copy(), FORCE[self.kind].copy()
-        if self.chance(0.2):  # rows doubled
-            twice = np.sort(np.concatenate([np.arange(len(strain)), rng.choice(len(strain), 5)]))
+        if self.chance(0.2):  # rows doubled, some or all
+            some = rng.choice(len(strain), 5) if self.chance(0.5) else np.arange(len(strain))
+            twice = np.sort(np.concatenate([np.arange(len(strain)), some]))
             strain, force = strain[twice], force[twice]
         if self.noise:
             force = force + self.noise * force.max() * rng.normal(size=len(force)) * (strain > 0)
+            strain = strain + self.noise * strain.max() * rng.normal(size=len(strain)) * (
+                strain > 0
+            )
         self.strain, self.force = strain, force
         self.conditions = []
         self.x = "extension" if self.chance(0.6) else "strain"
@@ -133,7 +138,7 @@ class Rewritten:
             )
 
     def number(self, value, digits):
-        text = f"{value:.{digits}f}"
+        text = f"{value:.{digits}e}" if self.exponents else f"{value:.{digits}f}"
         if self.thousands and abs(value) >= 1000:
             whole, point, rest = text.partition(".")
             sign = "." if self.comma else ","
@@ -200,7 +205,7 @@ class Rewritten:
                         style, f"{name} ({unit})"
                     )
                 )
-        add(names)
+        add([name.upper() if self.capitals and style == "row" else name for name in names])
         if style == "row":
             add(units)
         middle = len(self.strain) // 2
@@ -211,6 +216,8 @@ class Rewritten:
             add(row)
             if i == middle and self.blank_lines:
                 add([""] * width)
+            if i == middle + 3 and self.blank_lines:
+                lines.append("# paused here")
         if self.chance(0.3):
             add([])
             for summary in SUMMARIES[: int(self.rng.integers(1, 5))]:
@@ -223,14 +230,6 @@ class Rewritten:
             return text.encode(encoding)
         except UnicodeEncodeError:
             return text.encode("utf-8")
-
-    @property
-    def minus(self):
-        return False
-
-    @property
-    def blank_lines(self):
-        return False
 
 
 def outcome(seed, folder):

@@ -1,6 +1,7 @@
 """What a file states of itself once, and what the caller states in answer to what it leaves open."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,10 +29,12 @@ class Answers:
                 )  # fmt: skip
             self.columns[one.quantity] = (one, column)
         for key, text in (unit or {}).items():
-            one = parsed(str(text))
+            # A minus turns the sign of what a machine counts the other way round.
+            one = parsed(str(text).strip().removeprefix("-") or "1")
             if one is None:
                 raise InputError(f"{where}: unit.{key}", repr(text), "is no unit that is known")
-            self.units[plain(str(key))] = one
+            sign = -1.0 if str(text).strip().startswith("-") else 1.0
+            self.units[plain(str(key))] = replace(one, factor=sign * one.factor, text=str(text))
         if decimal_sign not in (None, "comma", "point"):
             raise InputError(f"{where}: decimal_sign", decimal_sign, "must be comma or point")
         self.sign = {None: None, "comma": ",", "point": "."}[decimal_sign]
@@ -107,9 +110,9 @@ def condition_value(entry, where, sign):
     number, tail = match.groups()
     if tail:
         own = heading(f"count ({tail})").unit
-        if own is None:
+        if own is None and unit is None:
             raise InputError(here, repr(text), "must be a number and a unit that is known")
-        unit = own
+        unit = own or unit
     powers, example, _ = CONDITIONS[one.condition]
     if unit is None:
         raise InputError(here, repr(text), f"lacks its unit: state {example}")

@@ -278,7 +278,7 @@ def refuse_force(columns, stated):
             columns,
             quantity,
             f"{largest:g} {'N/m' if fabric else 'N'} at most",
-            "must rise above 0",
+            "must rise above 0: if the machine counts a pull as negative, state unit: {force: -N}",
         )
     if stated:
         return

@@ -173,7 +173,22 @@ def _runs(columns, x, rows):
             raise disorder(
                 columns, _x(columns), int(runs[number - 1][1][0]), "strain", "falls on loading"
             )
+    _refuse_apart(columns, x, runs)
     return runs
+
+
+def _refuse_apart(columns, x, runs):
+    """InputError for a row or two at the end that are far from all others, as a mean below the data is."""
+    (_, before), (rising, last) = (None, [0]) if len(runs) < 2 else runs[-2], runs[-1]
+    if rising or len(last) > 2:
+        return
+    point = int(last[0])
+    if x[before[-1]] - x[point] > 3.0 * np.diff(x[before]).max():
+        raise columns.refused(
+            _x(columns), point,
+            "stands apart from the rows before it: if it is a mean below the data, state skip: "
+            f"[{columns.lines[point]}]; a recovery has 3 rows or more",
+        )  # fmt: skip
 
 
 def _x(columns):

@@ -48,14 +48,17 @@ FAMILIES = {
     "specimen": (),
 }
 _NAMES = {
-    "lengthening": """strain; extension; elongation; displacement; crosshead; crosshead displacement;
+    "lengthening": """strain; extension; elongation; displacement; elong; ext; disp; displ; crosshead;
+        crosshead displacement;
         crosshead extension; crosshead travel; crosshead position; position; stroke; travel; grip
-        displacement; jaw displacement; extensibility; deformation; epsilon; eps; e; dl; delta l; weg;
+        displacement; jaw displacement; extensibility; deformation; epsilon; eps; e; dl; delta l;
+        extension from preload; displacement from preload; weg;
         dehnung; standardweg; traversenweg; kolbenweg; maschinenweg; prufweg; verlangerung;
         langenanderung; verformung; verschiebung; allongement; deplacement; deplacement traverse;
         deplacement de la traverse; extension traverse; course; allungamento; spostamento;
         deformazione; alargamiento; desplazamiento; deformacion""",
-    "force": """force; load; f; kraft; standardkraft; prufkraft; zugkraft; kraft f; force f; fadenzugkraft;
+    "force": """force; load; f; load from preload; force from preload; kraft; standardkraft; prufkraft;
+        zugkraft; kraft f; force f; fadenzugkraft;
         fadenkraft; last; load cell; kraftaufnehmer; pull force; tension; charge; effort; forza; carico;
         fuerza; carga; tenacity; specific stress; specific strength; specific force; tex force;
         feinheitsfestigkeit; feinheitsbezogene kraft; feinheitsbezogene zugkraft; tenacite; force per
@@ -71,9 +74,11 @@ _NAMES = {
     "moment": """moment; m; bending moment; moment per width; moment per unit width; bending moment per
         width; bending moment per unit width; biegemoment; moment de flexion; couple; momento""",
     "time": "time; t; elapsed time; test time; zeit; prufzeit; temps; tempo; tiempo; duree",
-    "cycle": """cycle; cycles; cycle number; cycle no; cycle count; total cycle count; elapsed cycles; zyklus;
+    "cycle": """cycle; cycles; cycle number; cycle no; cycle count; total cycle count; elapsed cycles;
+        zyklus;
         zyklen; zyklus nr; zyklusnummer; numero de cycle""",
-    "specimen": """specimen; specimen no; specimen number; specimen label; sample; sample no; probe; probe nr;
+    "specimen": """specimen; specimen no; specimen number; specimen label; sample; sample no; probe; probe
+        nr;
         probennummer; prufling; eprouvette; test no; test number; run""",
 }  # fmt: skip
 # Words that say nothing about which quantity it is.
@@ -84,13 +89,17 @@ _DECORATION = {
 # What a whole file states once: powers of its unit, how a key names it, other names.
 CONDITIONS = {
     "gauge_length": ((LENGTH,), "gauge_length_mm", """gauge length; gage length; initial gauge length;
-        nominal gauge length; clamp distance; clamp separation; jaw separation; grip separation; grip to grip
+        nominal gauge length; clamp distance; clamp separation; jaw separation; grip separation; grip to
+        grip
         separation; grip to grip separation at the start position; free length; test length; initial
-        length; original length; l0; einspannlange; freie einspannlange; messlange; anfangsmesslange;
+        length; original length; l0; einspannlange; freie einspannlange; einspannlange bei startposition;
+        einspannlange
+        l0; klemmenabstand; spannlange; messlange; anfangsmesslange;
         klemmlange; pruflange; longueur initiale; longueur utile; longueur de reference; longueur d
         essai; distance entre mors; distance entre machoires; longueur entre mors"""),
     "width": ((LENGTH,), "width_mm", """width; specimen width; sample width; initial width; strip width;
-        breite; probenbreite; streifenbreite; breite b0; b0; largeur; largeur eprouvette; largeur de l
+        breite; probenbreite; streifenbreite; breite b0; probenbreite b0; b0; largeur; largeur eprouvette;
+        largeur de l
         eprouvette; largeur d eprouvette"""),
     "pretension": ((PER_WIDTH, FORCE, TENACITY), "pretension_N_per_mm", """pretension; pre tension;
         pretension force; preload; pre load; preload force; vorkraft; vorspannkraft; precharge;

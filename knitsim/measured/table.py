@@ -15,9 +15,8 @@ from knitsim.measured.names import heading
 from knitsim.store.sheet import NUMERIC, decimal_sign, is_missing, number_in, numbers_of
 from knitsim.units import parsed
 
-# Families of columns that make a curve.
-PAIRS = (("lengthening", "force"), ("curvature", "moment"), ("thickness", "force"))
 STRAYS = 3  # rows of numbers below a line of text that may be left out as no part of the curve
+_COMMENT = re.compile(r"#|//|!|%\s*\w[\w ]*[:=]")
 _VALUE = re.compile(r"^(.*?\w.*?)\s*[:=]\s*(.+)$", re.DOTALL)
 NUMBER_UNIT = re.compile(r"^([+\-−]?[\d.,' \xa0]*\d)\s*(.*)$")
 _CYCLE = re.compile(r"\b(cycle|zyklus|loop|ramp)\b", re.IGNORECASE)
@@ -127,7 +126,18 @@ def _filled(row):
 
 
 def _is_number(cell):
-    return isinstance(cell, float) or NUMERIC.fullmatch(cell) is not None
+    return isinstance(cell, float) or NUMERIC.fullmatch(cell.removesuffix("%").rstrip()) is not None
+
+
+def _per_cent(table):
+    """Take the sign off columns in whose cells it stands, as Excel writes them."""
+    for column, cell in enumerate(table.rows[0][: len(table.headings)] if table.rows else ()):
+        if isinstance(cell, str) and cell.endswith("%"):
+            for row in table.rows:
+                if column < len(row) and isinstance(row[column], str):
+                    row[column] = row[column].removesuffix("%").rstrip()
+            if table.headings[column].unit is None:
+                table.headings[column] = table.headings[column].with_unit(parsed("%"))
 
 
 def _kind(row):
@@ -135,7 +145,7 @@ def _kind(row):
     filled = _filled(row)
     if not filled:
         return ""
-    if isinstance(filled[0], str) and filled[0].startswith("#"):
+    if isinstance(filled[0], str) and _COMMENT.match(filled[0]):
         return "#"
     numbers = sum(map(_is_number, filled))
     return "numbers" if numbers > 1 and 2 * numbers >= len(filled) else "text"
@@ -198,8 +208,9 @@ def _begin(sheet, where, rows, lines, at, head):
         conditions, comments, sheet.delimiter,
     )  # fmt: skip
     for i, row in enumerate(table.rows):
-        if row and isinstance(row[0], str) and row[0].startswith("#"):
+        if row and isinstance(row[0], str) and _COMMENT.match(row[0]):
             _preamble(conditions, comments, row, table.lines[i], where, sheet.delimiter)
+    _per_cent(table)
     return table
 
 
@@ -208,9 +219,9 @@ def _preamble(conditions, comments, row, line, where, delimiter):
     filled = _filled(row)
     if not filled:
         return
-    if str(filled[0]).startswith("#"):
-        joined = delimiter.strip().join(map(str, row)).strip(f"{delimiter} ").lstrip("# ")
-        comment = joined if delimiter != " " else " ".join(map(str, row)).lstrip("# ")
+    if _COMMENT.match(str(filled[0])):
+        between = delimiter if delimiter in ",;|" else " "
+        comment = between.join(map(str, row)).strip(f"{between} ").lstrip("#/!% ")
         found = _VALUE.match(comment)
         if found is None or not _take(conditions, heading(found[1]), found[2], line, where):
             comments.append(comment)
