@@ -212,9 +212,11 @@ class MeasuredTest:
         return self._pieces(share, min(most, max(dense, LEAST_PIECES)))
 
     def _pieces(self, share, count):
-        """The test with the means of ``count`` pieces of equal share (n,)."""
+        """The test with the means of ``count`` pieces of equal share (n,), and its end of loading."""
         place = (np.cumsum(share) - 0.5 * share) / share.sum()
-        piece = 2 * np.minimum((place * count).astype(int), count - 1) + self.phase
+        piece = 4 * np.minimum((place * count).astype(int), count - 1) + 2 * self.phase
+        # The end of loading, which may be the break, stands by itself behind its piece.
+        piece[np.flatnonzero(self.loading)[-1]] += 1
         _, piece = np.unique(piece, return_inverse=True)
 
         def mean(values):
