@@ -224,11 +224,10 @@ def refuse_strain(columns, unit, stated):
     either = "state unit: {strain: percent}, or {strain: 1} if it is a fraction"
     likely = LARGEST_STRAIN if unit is not None and fabric else LIKELY_STRAIN
     if most > LARGEST_STRAIN or (most > likely and not stated):
-        slip = (
-            f"is it in per cent? then {either}"
-            if unit is None
-            else "is the unit or the gauge length right?"
-        )
+        slip = "is the unit, or the gauge length, right?"
+        if unit is None:
+            answer = either if most <= LARGEST_STRAIN else "state unit: {strain: percent}"
+            slip = f"is it in per cent? then {answer}"
         raise _ask(
             columns,
             "strain",

@@ -65,7 +65,7 @@ class Calibration:
     ends before the yarn breaks (breaking_strain is then a lower bound).  rms_deviation,
     max_deviation and systematic_deviation are parts of the largest force; the last is what remains
     when the noise is averaged out.  verdict: good, fair or poor; statement: why.  strain, force,
-    fitted: the points used, (n,).
+    fitted: the points used, (n,).  record: of a measured test, what was recognised in its file.
     """
 
     kind: str
@@ -87,6 +87,7 @@ class Calibration:
     strain: np.ndarray
     force: np.ndarray
     fitted: np.ndarray
+    record: Mapping | None = None
 
     @property
     def paper_form(self):
@@ -113,7 +114,7 @@ def calibrate_test(test, kind, *, onset="auto"):
         broke_below=test.broke_below,
     )  # fmt: skip
     cut = [last - first + 1 for first, last, why in test.left_out if why == AFTER_BREAK]
-    return replace(found, points_cut=sum(cut))
+    return replace(found, points_cut=sum(cut), record=test.record())
 
 
 def calibrate(strain, force, kind, *, source="curve", onset="auto", broke_below=None):
