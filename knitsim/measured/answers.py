@@ -22,12 +22,13 @@ class Answers:
         self.columns, self.units = {}, {}
         for key, column in (columns or {}).items():
             one = heading(key)
-            if one.quantity is None:
+            quantity = one.quantity or one.name.replace(" ", "_")
+            if quantity not in QUANTITIES:
                 raise InputError(
                     f"{where}: columns", repr(key),
                     f"must be a quantity with its unit, such as {example('extension')} or {example('force')}",
                 )  # fmt: skip
-            self.columns[one.quantity] = (one, column)
+            self.columns[quantity] = (one, column)
         for key, text in (unit or {}).items():
             # A minus turns the sign of what a machine counts the other way round.
             one = parsed(str(text).strip().removeprefix("-") or "1")

@@ -6,7 +6,7 @@ unit or a column is missing, one line says which key to state.
 
 import difflib
 import itertools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from knitsim.measured.answers import condition_value, example, listed
 from knitsim.measured.names import CONDITIONS, FAMILIES, QUANTITIES, heading
 from knitsim.measured.table import header_of, shown, take_rows
 from knitsim.measured.test import KINDS
+from knitsim.units import NONE
 
 BESIDE = {"tension": ("lateral_strain", "strain_low", "strain_high")}
 # A quantity that another column gives with the help of one value for the whole file, and how.
@@ -207,8 +208,8 @@ def _specimens(headings):
         or any(counts[name] > 1 for name in counts if name not in repeated)
     ):
         return [range(len(headings))]
-    # Two columns of force beside one of strain in two units are no two specimens.
-    if len({one.quantity for one in headings if one.name in repeated & forces}) > 1:
+    # One quantity in two units is no two specimens.
+    if len({(one.name, one.unit) for one in headings if one.name in repeated}) > len(repeated):
         return [range(len(headings))]
     groups = [[] for _ in range(most)]
     seen = dict.fromkeys(counts, 0)
@@ -232,8 +233,15 @@ def _candidates(table, quantity, group, answers, number):
         if columns is not None:
             column = columns[min(number, len(columns) - 1)]
             unit = answers.columns[stated][0].unit or headings[column].unit
-            headings[column] = heading(stated).with_unit(unit)
-            object.__setattr__(headings[column], "text", _text_of(table, column))
+            powers, sample = QUANTITIES[stated]
+            if (unit.powers if unit is not None else NONE) != powers:
+                raise InputError(
+                    f"{answers.where}: columns", repr(stated),
+                    f"lacks its unit: write it behind the name, such as {example(stated)}, or state unit: "
+                    f"{{{stated}: {sample}}}",
+                )  # fmt: skip
+            text = headings[column].text or f"column {column + 1}"
+            headings[column] = replace(heading(stated).with_unit(unit), text=text)
             return [column]
     direct = [i for i in group if headings[i].quantity == quantity]
     derived = [i for i in group if headings[i].quantity == other] if other else []
@@ -249,10 +257,6 @@ def _candidates(table, quantity, group, answers, number):
             f"needs a line '# {key}: ...' or the key {key}",
         )  # fmt: skip
     return found
-
-
-def _text_of(table, column):
-    return table.headings[column].text or f"column {column + 1}"
 
 
 def _missing(table, quantity):

@@ -79,7 +79,7 @@ def without_zero(columns, course, x, y, zero):
         raise InputError(
             at, f"{part}, read off the first points",
             "must be none: state zero: keep if the force is right, zero: start to take it off as the zero of "
-            f"the load cell, or {key} if it is a pretension",
+            f"the load cell, {key} if it is a pretension, or slack: start if the strain begins elsewhere",
         )  # fmt: skip
     if start < 0:
         raise InputError(
@@ -161,15 +161,22 @@ def from_pretension(columns, test):
     return found, keep, "below the pretension"
 
 
+def from_first(columns, x, point):
+    """(strain counted from the point where the extension was not zeroed, what was done)."""
+    shift = float(x[point])
+    for end in ("strain_low", "strain_high"):
+        if end in columns.values:
+            columns.values[end] = columns.values[end] - shift
+    return x - shift, [f"strain counted from the first row, {100 * shift:.3g} % in the file"]
+
+
 def without_slack(test, first, slack):
     """(test with its strain counted from where the specimen is taut, points kept, why not the others).
 
-    first: strain of the first point of loading; slack: "find", "keep" or "start".
+    first: strain of the first point of loading; slack: whether it is looked for, "find" or not.
     """
     zero, why = 0.0, ""
-    if slack == "start":
-        zero, why = first, "strain counted from the first point,"
-    elif slack == "find":
+    if slack == "find":
         zero, why = slack_of(test.x, test.y, test.loading), "slack taken off, strain counted from"
         if test.cycle > 1 and not zero:
             # What the cycles before have left of strain.

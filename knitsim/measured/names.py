@@ -199,8 +199,8 @@ def _snake(text):
             rest, number = numbered[1], int(numbered[3]) + (numbered[2] == ".")
         if rest[:1] not in ("", "_"):
             continue
-        if rest.startswith("_in_"):
-            return None  # Force in cN
+        if rest.startswith("_in_") or rest[1:2].isdigit():
+            return None  # Force in cN, Force 1 (cN)
         spelt = re.sub(r"^per_", "1/", rest[1:]).replace("_per_", "/").replace("_", ".")
         unit = _count(rest[1:]) or (parsed(spelt) if spelt else None)
         if rest and unit is None:

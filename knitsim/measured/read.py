@@ -229,7 +229,11 @@ def _tension(columns, cycle, zero, slack, common):
     quantity = KINDS[columns.kind][1]
     x, y = columns.values["strain"], columns.values[quantity]
     course = course_.course_of(columns, x, y)
+    begun = []
+    if slack == "start":
+        x, begun = corrected.from_first(columns, x, course.cycles[0].loading[0])
     y, done, pretension = corrected.without_zero(columns, course, x, y, zero)
+    done = begun + done
     course_.refuse_disorder(columns, course, x, y)
     x, more = corrected.without_machine(columns, x, y, course.cycles[0])
     if more:

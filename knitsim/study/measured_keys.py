@@ -140,7 +140,8 @@ MEASURED = Section(
             allowed="[1, 100]", default=1),
         ZERO_KEY,
         Key("slack", "slack", "choice", "find: strain counts from where the specimen is taut, if it hung "
-            "slack. keep: as it stands. start: from the first point.", choices=("find", "keep", "start"),
+            "slack. keep: as it stands. start: from the first row, if the extension was not zeroed.",
+            choices=("find", "keep", "start"),
             default="find"),
         Key("machine_compliance_mm_per_N", "machine_compliance", "number", "Extension of the machine "
             "and its clamps per force, subtracted from the extension.", unit="mm_per_N",
