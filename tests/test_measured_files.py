@@ -549,6 +549,10 @@ ASKED = {
         PLAIN.replace("30.0000,", "NaN,"), {},
         r"csv:10: extension_mm = 'NaN': must be a finite number",
     ),
+    "a date that Excel made of a number": (
+        PLAIN.replace("30.0000,", "01. Mai,"), {},
+        r"csv:10: extension_mm = '01. Mai': must be a number; Excel has made a date of it",
+    ),
     "a blank": (PLAIN.replace("30.0000,", ","), {}, r"csv:10: extension_mm = '': must be a number"),
     "words between the rows": (
         PLAIN.replace("30.0000,", "pause\n30.0000,"), {},

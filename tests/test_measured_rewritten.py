@@ -121,6 +121,7 @@ class Rewritten:
             0.51 * 10.0**-d / scale
             for d, scale in zip(digits, (units[self.x_unit], units_y[self.y_unit]), strict=True)
         ]
+        self.as_written = np.round(x, digits[0])
         self.columns = [(x_name, self.x_unit, x, digits[0]), (y_name, self.y_unit, y, digits[1])]
         for name, unit in EXTRA:
             if self.chance(0.3):
@@ -245,7 +246,9 @@ def outcome(seed, folder):
         assert "\n" not in str(error)
         return "asked", str(error)
     y, scale = ("force_per_width", WIDTH) if fabric else ("force", 1.0)
-    order = np.arange(len(written.strain)) if fabric else np.argsort(written.strain, kind="stable")
+    # A yarn's points are sorted by the strain that stands in the file.
+    order = np.arange(len(written.strain))
+    order = order if fabric else np.argsort(written.as_written, kind="stable")
     for found, true, rounding in (
         (test["strain"], written.strain[order], written.rounding[0]),
         (test[y] * scale, written.force[order], written.rounding[1]),

@@ -309,16 +309,7 @@ def _to_si(table, kind, chosen, conditions, answers):
         column = columns[0]
         numbers = table.numbers(column)
         needed = quantity in (x, y) or quantity.startswith("strain_")
-        if needed:
-            _refuse(table, column, numbers, rows)
-        else:
-            cells = table.cells(column)
-            bad = [i for i in rows if cells[i] != "" and not np.isfinite(numbers[i])]
-            if bad:
-                raise InputError(
-                    f"{table.place(bad[0])}: {table.headings[column].text}", repr(cells[bad[0]]),
-                    "must be a number",
-                )  # fmt: skip
+        table.refuse_cells(column, numbers, rows, blank=not needed)
         values[quantity] = _derived(table, column, quantity, numbers, conditions)[rows]
         written[quantity] = (table.headings[column].text, numbers[rows])
         recognised.append(_said(table, column, quantity))
@@ -352,12 +343,6 @@ def _pretension(value, kind, conditions):
     ):
         return value * conditions["linear_density"]
     return value
-
-
-def _refuse(table, column, numbers, rows):
-    bad = rows[~np.isfinite(numbers[rows])]
-    if bad.size:
-        table.refuse_cells(column, np.where(np.isin(np.arange(numbers.size), bad), numbers, 0.0))
 
 
 def _derived(table, column, quantity, numbers, conditions):

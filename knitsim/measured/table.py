@@ -12,7 +12,7 @@ import numpy as np
 
 from knitsim.errors import InputError
 from knitsim.measured.names import heading
-from knitsim.store.sheet import NUMERIC, decimal_sign, is_missing, number_in, numbers_of
+from knitsim.store.sheet import NUMERIC, decimal_sign, is_missing, numbers_of, what_is_right
 from knitsim.units import parsed
 
 STRAYS = 3  # rows of numbers below a line of text that may be left out as no part of the curve
@@ -57,19 +57,15 @@ class Table:
         """The numbers of a column, (n,); NaN for blank cells and what is no number."""
         return numbers_of(self.cells(column), self.sign)
 
-    def refuse_cells(self, column, numbers):
-        """InputError for the first cell of a column that is no number."""
-        bad = np.flatnonzero(~np.isfinite(numbers))
-        if bad.size:
-            cell = self.cells(column)[bad[0]]
-            finite = (
-                "a finite number" if is_missing(cell) or number_in(str(cell), ".") else "a number"
-            )
-            raise InputError(
-                f"{self.place(bad[0])}: {self.headings[column].text}",
-                repr(cell),
-                f"must be {finite}",
-            )
+    def refuse_cells(self, column, numbers, rows, blank=False):
+        """InputError for the first of ``rows`` whose cell in a column is no number; blank: or nothing."""
+        cells = self.cells(column)
+        for row in rows[~np.isfinite(numbers[rows])]:
+            if not (blank and cells[row] == ""):
+                raise InputError(
+                    f"{self.place(row)}: {self.headings[column].text}", repr(cells[row]),
+                    what_is_right(cells[row]),
+                )  # fmt: skip
 
 
 def header_of(sheet, where, skip, wanted):
@@ -376,11 +372,10 @@ def _refuse_strays(table, pairs, closed, strays, named):
         if "number" in states:
             column = x if states[0] != "number" else y
             bad = _cell(table.rows[closed], column)
-            what = "a finite number" if is_missing(bad) else "a number"
             raise InputError(
                 f"{table.place(closed)}: {table.headings[column].text}",
                 repr(bad),
-                f"must be {what}",
+                what_is_right(bad),
             )
     if len(strays) > STRAYS:
         raise InputError(

@@ -216,6 +216,10 @@ _GROUPS = {
     )
     for sign, other in ((".", ","), (",", "."))
 }
+# 1.5 where the comma is the decimal sign.
+_DATE = re.compile(
+    r"\d{1,2}[.\-/ ]+(\d{1,2}[.\-/ ]+\d{2,4}|[A-Za-zäéû]{3,9}\.?([.\-/ ]*\d{2,4})?)|[A-Za-z]{3}[.\- ]+\d{2}"
+)
 _MISSING = re.compile(r"[+-]?(nan|inf|infinity|#?n/?a|null|#[A-Z0-9/]+[!?])", re.IGNORECASE)
 
 
@@ -302,3 +306,15 @@ def number_of(cell, sign):
 def is_missing(cell):
     """Whether a cell is a word for no number, such as NaN or #DIV/0!."""
     return isinstance(cell, str) and _MISSING.fullmatch(cell) is not None
+
+
+def what_is_right(cell):
+    """What a message says that must stand in place of a cell that is no number."""
+    if is_missing(cell) or number_in(str(cell), ".") is not None:
+        return "must be a finite number"
+    made = (
+        "; Excel has made a date of it, so export the file again"
+        if _DATE.fullmatch(str(cell))
+        else ""
+    )
+    return f"must be a number{made}"
