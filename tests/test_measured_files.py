@@ -272,6 +272,18 @@ def test_a_workbook_is_read_as_text_is(tmp_path, text):
         read_measured(path, direction="course", sheet="Data")
 
 
+def test_per_cent_of_a_workbook_are_what_is_shown(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in (["Breite", 50, "mm"], ["Dehnung", "Kraft (N)"], *zip(E / 100.0, N, strict=True)):
+        book.active.append([float(v) if not isinstance(v, str) else v for v in row])
+    for row in range(3, 3 + len(E)):
+        book.active.cell(row, 1).number_format = "0.0%"
+    book.save(tmp_path / "wale.xlsx")
+    test = read_measured(tmp_path / "wale.xlsx", direction="wale")
+    np.testing.assert_allclose(test["strain"], E / 100.0, rtol=1e-12)
+
+
 # ---- yarns ----
 
 STRAIN = np.linspace(0.0, 0.07, 15)
@@ -409,6 +421,8 @@ def test_specimens_one_below_the_other(write):
     )
     test = read_measured(write(text), direction="wale")
     check_specimens(test, [(E, N), (E, 1.2 * N)])
+    text = text.replace("Specimen 2", "Specimen,2")
+    check_specimens(read_measured(write(text), direction="wale"), [(E, N), (E, 1.2 * N)])
     column = np.repeat([1.0, 2.0], len(E))
     text = META + table(
         "Specimen,extension_mm,force_N", column, np.tile(E, 2), np.append(N, 1.2 * N)

@@ -341,11 +341,11 @@ def _sort_rows(table, pairs):
                 fresh, label = False, ""
             continue
         first = str(_filled(row)[0])
+        if _CYCLE.search(first):
+            label = "cycle"
+        elif _SPECIMEN.search(first):
+            label = "specimen"
         if not any("number" in state for state in states):
-            if _SPECIMEN.search(first) or _CYCLE.search(first):
-                label = (
-                    "specimen" if _SPECIMEN.search(first) and not _CYCLE.search(first) else "cycle"
-                )
             _preamble(
                 table.conditions, table.comments, row, table.lines[i], table.where, table.delimiter
             )

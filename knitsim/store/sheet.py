@@ -69,14 +69,11 @@ def _workbook(raw, where):
             book = openpyxl.load_workbook(io.BytesIO(raw), read_only=True, data_only=True)
             sheets = [
                 Sheet(
-                    sheet.title,
-                    [[_cell(v) for v in row] for row in sheet.iter_rows(values_only=True)],
-                    [],
-                    f"sheet {sheet.title!r} of a workbook",
-                    "",
+                    sheet.title, [[_cell(cell) for cell in row] for row in sheet.iter_rows()], [],
+                    f"sheet {sheet.title!r} of a workbook", "",
                 )
                 for sheet in book.worksheets
-            ]
+            ]  # fmt: skip
         except Exception as error:  # openpyxl lets through whatever zip and XML raise
             raise InputError(where, "a workbook", f"cannot be read as .xlsx: {error}") from None
     for sheet in sheets:
@@ -84,11 +81,13 @@ def _workbook(raw, where):
     return sheets
 
 
-def _cell(value):
+def _cell(cell):
+    value = cell.value
     if value is None:
         return ""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return float(value)
+        # Shown in per cent it is kept as a fraction.
+        return f"{100.0 * value!r}%" if "%" in cell.number_format else float(value)
     return str(value).strip()
 
 
