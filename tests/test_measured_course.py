@@ -279,7 +279,11 @@ def test_a_force_at_no_strain_is_asked_about_and_taken_off_on_request(write, off
         f"zero of the load cell taken off: {offset:g} N/mm, read before the test",
     )
     assert wale(path, zero="keep")["force_per_width"] == pytest.approx(force + 1e3 * offset)
-    if offset > 0:
+    if offset < 0:
+        # A pretension explains no negative force.
+        with pytest.raises(InputError, match="must not be negative"):
+            wale(path, pretension=16.0)
+    else:
         pulled = wale(path, pretension=1e3 * offset)
         assert pulled.pretension == 16.0 and pulled["force_per_width"][0] > 16.0
 
@@ -307,7 +311,7 @@ def test_the_force_at_no_strain_is_extrapolated_where_a_file_begins_later(write,
         assert wale(path).corrections == ()
         return
     with pytest.raises(
-        InputError, match=r"read off the first points: .* state zero: keep .*, zero: start"
+        InputError, match=r"read off the first points: .* zero: start .*, zero: keep"
     ):
         wale(path)
     assert wale(path, zero="start")["force_per_width"] == pytest.approx(force, abs=4.0)

@@ -19,19 +19,14 @@ from knitsim.measured.names import CONDITIONS
 from knitsim.units import from_si
 
 LARGEST_STRAIN = 5.0
-LIKELY_STRAIN = (
-    2.0  # of a fabric, and the largest of a yarn, above which per cent are called fraction
-)
+LIKELY_STRAIN = 2.0  # of fabric and yarn; above it per cent are likely called a fraction
 FABRIC_PERCENT, YARN_PERCENT = 0.02, 0.003  # below which a whole curve in per cent is a fraction
 SMALLEST_STRAIN = 1e-3  # of a fabric
 FORCES = (0.5, 3e4)  # N/m, of a fabric at its largest
 TENACITIES = (5e2, 5e6)  # N m/kg, of a yarn at its largest: 0.05 cN/tex and 5 N/tex
 STIFFEST = 3e8  # N m/kg, initial modulus of a yarn: 300 N/tex, beyond carbon
 CURVATURES = (1.0, 1e4)  # 1/m, at its largest
-RIGIDITIES = (
-    0.01,
-    50.0,
-)  # slope of moment by curvature over the rigidity of the yarns side by side
+RIGIDITIES = (0.01, 50.0)  # slope of moment by curvature over that of the yarns side by side
 STIFFEST_FABRIC = 1e-2  # N m, the same slope where the yarn is not known
 
 
@@ -66,34 +61,27 @@ def without_zero(columns, course, x, y, zero):
         return y - start, [f"zero of the load cell taken off: {say(start)}, read {how}"], pretension
     if (
         zero == "keep"
+        or abs(start) <= doubt
         or abs(start - pretension) <= max(doubt, 0.2 * pretension)
-        or (start <= doubt and pretension)
     ):
-        return y, [], pretension
-    if abs(start) <= doubt:
         return y, [], pretension
     at = f"{columns.where}:{columns.lines[loading[0]]}: force at no strain"
     part = f"{say(start)}, {100 * start / largest:.2g} % of the largest"
-    key = "pretension_N_per_mm: ..." if fabric else "zero: keep"
+    off = "state zero: start if the load cell was not zeroed"
+    pulled = "zero: keep if it is a pretension, which the fit takes out"
+    if fabric:
+        pulled = f"pretension_N_per_mm: {from_si(max(start, 0.0), unit):.4g} if it is a pretension"
     if not seen:
         raise InputError(
             at, f"{part}, read off the first points",
-            "must be none: state zero: keep if the force is right, zero: start to take it off as the zero of "
-            f"the load cell, {key} if it is a pretension, or slack: start if the strain begins elsewhere",
+            f"must be none: {off}, zero: keep if the force is right, slack: start if the strain begins "
+            f"elsewhere{', or ' + pulled if start > 0 and fabric else ''}",
         )  # fmt: skip
     if start < 0:
         raise InputError(
-            at,
-            part,
-            "must not be negative: state zero: start if the load cell was not zeroed, or zero: keep",
+            at, part, f"must not be negative: {off}, or zero: keep if the force is right"
         )
-    if fabric:
-        key = f"pretension_N_per_mm: {from_si(start, unit):.4g} if it is a pretension"
-    else:
-        key = "zero: keep if it is a pretension, which the fit takes out"
-    raise InputError(
-        at, part, f"must be none: state zero: start if the load cell was not zeroed, or {key}"
-    )
+    raise InputError(at, part, f"must be none: {off}, or {pulled}")
 
 
 def without_machine(columns, x, y, first):
@@ -108,12 +96,8 @@ def without_machine(columns, x, y, first):
                 f"{columns.where}: {name}", None,
                 f"is missing: a machine compliance needs '# {key}: ...' or the key {key}",
             )  # fmt: skip
-    shift = (
-        given["machine_compliance"]
-        * y
-        * (given["width"] if fabric else 1.0)
-        / given["gauge_length"]
-    )
+    force = y * given["width"] if fabric else y
+    shift = given["machine_compliance"] * force / given["gauge_length"]
     top = int(first.loading[-1])
     part = float(shift[top] / x[top])
     if part >= 1.0:
