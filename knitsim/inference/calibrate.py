@@ -30,6 +30,7 @@ from knitsim.inference.statistics import (
     Spread,
     robust_scale,
     soft,
+    soft_loss,
     spread,
     warnings_of,
 )
@@ -47,6 +48,7 @@ FLOOR = 0.05  # of the largest measured value: a relative misfit divides by no l
 TOLERANCES = {"ftol": 1e-6, "xtol": 1e-6, "gtol": 1e-7}
 PROFILE_AT = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)  # standard errors
 PROFILE_STEPS, PROFILE_GAIN = 3, 0.01  # steps at most, and while the misfit falls by as much
+ROUNDS, STILL = 4, 0.9  # of a robust fit at most, and while the scale of its residuals falls so far
 ON_BOUND, SAME = 1e-4, 1e-3  # of the range; of the sum of squares
 _FAILURES = (ComputationError, InputError)
 
@@ -225,16 +227,23 @@ def fit(problem, *, profile=True):
     found = least_squares(
         residual, u, jacobian, bounds=(0.0, 1.0), max_nfev=MOST_TRIALS, **TOLERANCES
     )
-    scale = robust_scale(found.fun, len(u))
-    if np.isfinite(scale):
-        # Points far from the rest are there: once more, with less weight on them.
+    root, size = np.concatenate(trial.root), np.inf
+    there = root > 0
+    for _ in range(ROUNDS):
+        seen = robust_scale(found.fun[there] / root[there], len(u))
+        if not seen < STILL * size:
+            break
+        # Points far from the rest are there, to which the fit before has given way: once more, with less
+        # weight on them, however much of the curve they stand for.
+        size = seen
         found = least_squares(
-            residual, np.clip(found.x, 0.0, 1.0), jacobian, bounds=(0.0, 1.0), loss="soft_l1",
-            f_scale=scale, max_nfev=MOST_TRIALS, **TOLERANCES,
+            residual, np.clip(found.x, 0.0, 1.0), jacobian, bounds=(0.0, 1.0),
+            loss=soft_loss(size * np.where(there, root, 1.0)), max_nfev=MOST_TRIALS, **TOLERANCES,
         )  # fmt: skip
+    scale = size * np.where(there, root, 1.0)
     values, r = _on_bounds(problem, trial, low + found.x * unit)
     slopes = trial.jacobian(values, central=True)
-    spread_ = spread(values, r, slopes, scale, trial.groups)
+    spread_ = spread(values, r, slopes, scale, trial.groups, np.concatenate(trial.weight))
     interval = np.clip(spread_.interval, low[:, None], high[:, None])
     names, bounds = problem.names, problem.bounds
     warnings = list(warnings_of(names, values, bounds, spread_))

@@ -295,15 +295,18 @@ def shares(x, y, phase):
     """Share of each point (n,) in the length of its curve, of mean 1.
 
     The length grows by the part of their range by which x and y pass what they have reached, so that
-    noise and rows of a hold add nothing: on loading upwards, on recovery downwards.
+    noise and rows of a hold add nothing: on loading upwards, on recovery downwards.  A point far out
+    counts as the middle one of it and its neighbours.
     """
     length = np.zeros(len(x))
     for way, first in ((1.0, np.maximum.accumulate), (-1.0, np.minimum.accumulate)):
         own = phase == (LOADING if way > 0 else RECOVERY)
         for values in (x, y):
-            span = np.ptp(values)
+            span, along = np.ptp(values), values[own]
             if span > 0 and own.any():
-                length[own] += way * (first(values[own]) - values[own][0]) / span
+                middle = np.median([along[:-2], along[1:-1], along[2:]], axis=0)
+                along = np.concatenate([along[:1], middle, along[1:][-1:]])
+                length[own] += way * (first(along) - along[0]) / span
     share = np.empty(len(x))
     for one in (LOADING, RECOVERY):
         own = phase == one
