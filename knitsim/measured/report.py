@@ -10,15 +10,9 @@ from textwrap import wrap
 import numpy as np
 
 from knitsim.errors import InputError
-from knitsim.measured.read import KINDS, SLACKS, ZEROS, read_measured
-from knitsim.measured.test import RECOVERY
+from knitsim.measured.read import SLACKS, ZEROS, read_measured
+from knitsim.measured.test import KINDS, RECOVERY, SHOWN
 from knitsim.units import from_si, label
-
-# Units in which people read the quantities.
-UNITS = {
-    "strain": "percent", "lateral_strain": "percent", "force_per_width": "N_per_mm", "force": "N",
-    "thickness": "mm", "curvature": "per_cm", "moment_per_width": "mN",
-}  # fmt: skip
 
 
 def report(test):
@@ -30,10 +24,10 @@ def report(test):
     lines += _part("rows left out", rows or ["none"])
     lines += _part("the file says", test.comments)
     lines += [f"specimen {k}: {one!r}" for k, one in enumerate(test.specimens, start=1)]
-    used = [name for name in UNITS if name in test]
+    used = [name for name in SHOWN if name in test]
     lines.append(f"{'rows used':12}" + "".join(f"{_heading(name):>24}" for name in used))
     for point in dict.fromkeys((0, len(test) // 2, int(np.argmax(test.x)), len(test) - 1)):
-        values = "".join(f"{from_si(test[name][point], UNITS[name]):24.6g}" for name in used)
+        values = "".join(f"{from_si(test[name][point], SHOWN[name]):24.6g}" for name in used)
         lines.append(f"{point + 1:12d}{values}")
     return "\n".join(lines)
 
@@ -43,7 +37,7 @@ def _lines(first, last):
 
 
 def _heading(name):
-    unit = "%" if UNITS[name] == "percent" else label(UNITS[name])
+    unit = "%" if SHOWN[name] == "percent" else label(SHOWN[name])
     return f"{name.replace('_', ' ')} ({unit})"
 
 
@@ -67,17 +61,17 @@ def plot(test, path=None):
     ax = fig.add_subplot()
 
     def line(one, **look):
-        ax.plot(from_si(one.x, UNITS[x]), from_si(one.y, UNITS[y]), **look)
+        ax.plot(from_si(one.x, SHOWN[x]), from_si(one.y, SHOWN[y]), **look)
 
     for k, one in enumerate(test.specimens):
         line(one, color="0.6", linewidth=0.8, label="specimens" if k == 0 else None)
     for k, one in enumerate(one for one in test.cycles if one.cycle != test.cycle):
         line(one, color="0.6", linewidth=0.8, label="other cycles" if k == 0 else None)
     if test.band is not None:
-        low, high = (from_si(end, UNITS[x]) for end in test.band)
+        low, high = (from_si(end, SHOWN[x]) for end in test.band)
         own = test.loading
         ax.fill_betweenx(
-            from_si(test.y, UNITS[y])[own], low[own], high[own], alpha=0.2, label="band"
+            from_si(test.y, SHOWN[y])[own], low[own], high[own], alpha=0.2, label="band"
         )
     mark = "." if len(test) <= 200 else ""
     line(test, color="C0", marker=mark, linewidth=1.2, label="mean" if test.specimens else "used")
