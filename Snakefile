@@ -6,6 +6,7 @@
     snakemake -c2 bending_campaign         300 random fabrics bent
     snakemake -c2 calibration              also the calibrations that the study marks on_request
     snakemake -c2 benchmark                run time against error in full, PyElastica beside it, scaling
+    snakemake -c2 excel                    the tables again, for Excel with decimal commas
     snakemake -c2 --config study=DIR       with the yarns, fabrics and scenes of another directory
 """
 
@@ -19,6 +20,7 @@ include: "workflow/rules/verification.smk"
 include: "workflow/rules/campaign.smk"
 include: "workflow/rules/benchmark.smk"
 include: "workflow/rules/skipping.smk"
+include: "workflow/rules/excel.smk"
 
 
 rule all:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured_tools import tension
 
 from knitsim.equilibrium.contact import CoreContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
@@ -12,7 +13,6 @@ from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
 from knitsim.inference.calibrate import Parameter, Problem, fit
 from knitsim.inference.continuation import varied
-from knitsim.inference.curve_points import Tension
 from knitsim.inference.predict import Predictor
 from knitsim.inference.sensitivity import sensitivity_table, standard_results
 from knitsim.yarn.law import TensionLaw
@@ -35,7 +35,7 @@ def strain_at(fabric, direction, force):
 def calibration():
     """The core alone, on three points of a wale curve with an error of some per cent."""
     strain = np.array([strain_at(ACRYLIC, "wale", force) for force in FORCES])
-    curve = Tension("wale", "wale", FORCES, strain * [1.02, 0.97, 1.01])
+    curve = tension("wale", "wale", FORCES, strain * [1.02, 0.97, 1.01])
     free = [Parameter("core_diameter", 0.5e-3, 0.7e-3, 0.64e-3)]
     return fit(Problem(ACRYLIC, free, [curve], resolution=COARSE), profile=False)
 
@@ -71,7 +71,7 @@ def test_the_band_is_what_the_ends_of_the_interval_make_of_it(calibration):
 
 def test_an_input_on_its_bound_has_a_band_to_one_side():
     strain = np.array([strain_at(ACRYLIC, "wale", force) for force in FORCES])
-    curve = Tension("wale", "wale", FORCES, strain * [1.02, 0.97, 1.01])
+    curve = tension("wale", "wale", FORCES, strain * [1.02, 0.97, 1.01])
     free = [Parameter("core_diameter", 0.5e-3, 0.64e-3, 0.62e-3)]
     found = fit(Problem(ACRYLIC, free, [curve], resolution=COARSE), profile=False)
     assert found.values[0] == found.high[0] == 0.64e-3
@@ -89,7 +89,7 @@ def test_an_input_on_its_bound_has_a_band_to_one_side():
 @pytest.mark.slow
 def test_strain_on_loading_is_not_negative_however_little_is_known():
     # Two points that contradict each other leave the rigidity free within its bounds.
-    curve = Tension("w", "wale", [20.0, 30.0], [0.3, 0.05])
+    curve = tension("w", "wale", [20.0, 30.0], [0.3, 0.05])
     free = [Parameter("bending_rigidity", 0.04e-6, 2e-6, 0.05e-6)]
     found = fit(Problem(ACRYLIC, free, [curve], resolution=COARSE), profile=False)
     strain = Predictor(calibration=found).tension("course", [5.0, 50.0]).quantities["strain"]

@@ -7,6 +7,8 @@ from knitsim.errors import InputError
 from knitsim.inference.statistics import (
     neighbour_correlation,
     robust_scale,
+    soft,
+    soft_loss,
     spread,
     warnings_of,
 )
@@ -38,6 +40,34 @@ def test_a_straight_line_has_the_textbook_errors():
     )
     assert found.factor == pytest.approx(2.02439, abs=1e-4)  # Student's t, 38 degrees of freedom
     np.testing.assert_allclose(found.information @ found.covariance, np.eye(2), atol=1e-9)
+
+
+def test_points_that_weigh_more_are_no_more_certain():
+    x, _, _, jacobian = line()
+    y = 2.0 + 3.0 * x + 0.3 * np.random.default_rng(1).standard_normal(len(x))
+    weight = 0.2 + 3.0 * x**2
+    weight /= weight.mean()
+    # The estimate is linear in the numbers measured, which all have one variance.
+    linear = np.linalg.solve(jacobian.T @ (weight[:, None] * jacobian), jacobian.T * weight)
+    values, root = linear @ y, np.sqrt(weight)
+    found = spread(values, root * (jacobian @ values - y), root[:, None] * jacobian, np.inf,
+                   np.arange(len(x)), weight)  # fmt: skip
+    variance = np.sum(weight * (jacobian @ values - y) ** 2) / (len(x) - 2)
+    np.testing.assert_allclose(found.covariance, variance * linear @ linear.T, rtol=1e-9)
+    np.testing.assert_allclose(found.information @ found.covariance, np.eye(2), atol=1e-9)
+
+
+def test_the_robust_loss_is_that_of_scipy():
+    r, s = np.linspace(-2.0, 2.0, 9), np.full(9, 0.7)
+    own = soft_loss(s)(r**2)
+    # scipy's soft_l1 of (r/s)^2, times s^2.
+    over = 1.0 + (r / s) ** 2
+    np.testing.assert_allclose(own[0], 2.0 * s**2 * (over**0.5 - 1.0))
+    h = 1e-6
+    for k in (0, 1):
+        slope = (soft_loss(s)(r**2 + h)[k] - soft_loss(s)(r**2 - h)[k]) / (2.0 * h)
+        np.testing.assert_allclose(own[k + 1], slope, rtol=1e-6)
+    np.testing.assert_allclose(own[1], soft(r, s))
 
 
 def test_a_pattern_widens_the_intervals():

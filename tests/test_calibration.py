@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from knitsim.errors import InputError
-from knitsim.yarn import breaking, piecewise_fit, rebuilt
-from knitsim.yarn.calibration import calibrate, calibrate_file
+from knitsim.measured import course as breaking
+from knitsim.measured.read import read_measured
+from knitsim.yarn import piecewise_fit, rebuilt
+from knitsim.yarn.calibration import calibrate, calibrate_test
 from knitsim.yarn.law import secant
 
 CONSTANTS = {
@@ -70,7 +72,9 @@ def test_the_default_curves_are_those_that_the_code_writes(curves, request):
 
 
 def test_rebuilt_polyester_returns_the_constants_of_a_filament(curves):
-    found = calibrate_file(curves / "polyester_rebuilt.csv", "bilinear")
+    found = calibrate_test(
+        read_measured(curves / "polyester_rebuilt.csv", "yarn_tension"), "bilinear"
+    )
     filament = found.law.scaled(1 / 72)
     assert filament.initial_stiffness == pytest.approx(6.34, rel=1e-9)
     assert filament.stiffness_at(0.05) == pytest.approx(2.41, rel=1e-9)
@@ -83,7 +87,9 @@ def test_rebuilt_polyester_returns_the_constants_of_a_filament(curves):
 
 
 def test_rebuilt_cotton_returns_k3(curves):
-    found = calibrate_file(curves / "cotton_rebuilt.csv", "two_slope")
+    found = calibrate_test(
+        read_measured(curves / "cotton_rebuilt.csv", "yarn_tension"), "two_slope"
+    )
     form = found.paper_form
     assert form["low"] == pytest.approx(43.805, rel=1e-9)
     assert form["high"] == pytest.approx(94.005, rel=1e-9)
@@ -423,4 +429,4 @@ def test_faults_of_a_file_come_with_its_name_and_line(tmp_path):
     path = tmp_path / "short.csv"
     path.write_text("strain,force_N\n0,0\n0.01,1\n0.02,2\n")
     with pytest.raises(InputError, match=r"short\.csv:4: the curve has 3 points"):
-        calibrate_file(path, "bilinear")
+        read_measured(path, "yarn_tension")

@@ -5,7 +5,8 @@ import pytest
 from scipy.integrate import dblquad
 
 from knitsim.errors import InputError
-from knitsim.yarn.compression import crossed_force, fit_barrier, fit_barrier_file
+from knitsim.measured.read import read_measured
+from knitsim.yarn.compression import crossed_force, fit_barrier, fit_barrier_test
 
 D, K = 0.28e-3, 900.0
 
@@ -59,7 +60,9 @@ def test_file_in_textile_units(tmp_path):
     ]
     path = tmp_path / "pressed.csv"
     path.write_text("\n".join(lines))
-    assert fit_barrier_file(path, D).stiffness == pytest.approx(K, rel=1e-6)
+    test = read_measured(path)
+    assert (test.kind, len(test)) == ("yarn_compression", 12)
+    assert fit_barrier_test(test, D).stiffness == pytest.approx(K, rel=1e-6)
 
 
 @pytest.mark.parametrize(

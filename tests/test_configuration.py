@@ -387,10 +387,10 @@ def test_the_small_study():
 def test_a_curve_is_found_beside_the_study_above_it_or_in_the_fallback(study_of, tmp_path):
     curve = {"file": "curves/cotton_rebuilt.csv", "kind": "two_slope"}
     yarn = study_of({"yarns grey tension_curve": curve, "yarns grey tension_law": None})
-    assert yarn.yarns["grey"].curve_path == CONFIG / "curves/cotton_rebuilt.csv"
+    assert yarn.yarns["grey"].curve_paths == [CONFIG / "curves/cotton_rebuilt.csv"]
     (tmp_path / "curves").mkdir()
     (tmp_path / "curves/cotton_rebuilt.csv").write_text("")
-    assert yarn.yarns["grey"].curve_path == tmp_path / "curves/cotton_rebuilt.csv"
+    assert yarn.yarns["grey"].curve_paths == [tmp_path / "curves/cotton_rebuilt.csv"]
     assert yarn.yarns["grey"]["tension_law"] is None
 
 
@@ -422,7 +422,7 @@ def test_the_table_is_consistent():
                     if isinstance(number, (int, float)) and not isinstance(number, bool):
                         assert number in key.interval, key.name
                 if key.kind == "choice" and key.default is not REQUIRED:
-                    assert key.default in key.choices
+                    assert key.default is None or key.default in key.choices
                 assumed = key.because and key.default is not None
                 if assumed and key.kind in ("number", "integer"):
                     assert len(key.plausible) == 2

@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from knitsim import kes
 from knitsim.errors import ComputationError, InputError
 from knitsim.kes.single_pass import Pass
-from knitsim.measured.yarn_curve import read_curve
+from knitsim.measured.read import read_measured
 from knitsim.verification import exact
 
 GF = 9.80665e-3  # N
@@ -493,7 +493,7 @@ def test_measured_curves_from_files(tmp_path):
     rows = [(30 * p, 50 * p**2) for p in part] + [(30 * p, 50 * p**3) for p in part[-2::-1]]
     lines = [f"{e!r},{f!r}" for e, f in np.array(rows).tolist()]
     path.write_text("\n".join(["strain_percent,force_per_width_gf_per_cm", *lines]))
-    curve = read_curve(path, ("strain", "force_per_width"))
+    curve = read_measured(path)
     found = kes.tension(
         curve["strain"], curve["force_per_width"], max_force=kes.KNIT_FORCE, source=curve.source
     )
@@ -505,7 +505,7 @@ def test_measured_curves_from_files(tmp_path):
         f"{k!r};{0.04 * k + 0.01 * w!r}" for k, w in zip(kappa.tolist(), way.tolist(), strict=True)
     ]
     path.write_text("\n".join(["curvature_per_cm;moment_per_width_gf_cm_per_cm", *lines]))
-    curve = read_curve(path, ("curvature", "moment_per_width"))
+    curve = read_measured(path)
     found = kes.bending(curve["curvature"], curve["moment_per_width"])
     assert found["B"].kes_value == pytest.approx(0.04, rel=1e-9)
     assert found["2HB"].kes_value == pytest.approx(0.02, rel=1e-9)

@@ -67,11 +67,15 @@ def made(names, stiffness, misfit=0.0, bends=True, pretension=0.0):
         "stated_spacing": ("spacing", [2.5e-3, 2.0e-3]),
     }  # fmt: skip
     nothing = np.full((2, POINTS), np.nan)
+    zero = curve(pretension, 300.0)
+    shifted = (1.0 + strain) / (1.0 + zero) - 1.0
     bent, moments = nothing.copy(), nothing.copy()
     bent[1], moments[1] = np.linspace(-50.0, 50.0, POINTS), np.linspace(-1e-3, 1e-3, POINTS)
     for field, values in {
         "measured_strain": strain, "measured_strain_low": 0.9 * strain,
-        "measured_strain_high": 1.1 * strain,
+        "measured_strain_high": 1.1 * strain, "shifted_strain": shifted,
+        "shifted_strain_low": shifted - 0.01, "shifted_strain_high": shifted + 0.01,
+        "shifted_transverse_strain": nothing,
         "measured_force_per_width": np.stack([force, np.full(POINTS, np.nan)]),
         "measured_transverse_strain": nothing, "model_strain": model, "measured_curvature": bent,
         "measured_moment_per_width": moments, "model_moment_per_width": 1.2 * moments,

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from knitsim.errors import InputError
-from knitsim.measured.fabric_curve import read_measured
+from knitsim.measured.read import measured_test
 from knitsim.stages.check import check_study
 from knitsim.study.measured_checks import free_of, meaningless, value_of
 from knitsim.study.measured_keys import GIVEN, PARAMETERS
@@ -101,11 +101,11 @@ def test_keys_of_a_curve_reach_its_reader(study_of):
         },
         "measured.course": None,
     }  # fmt: skip
-    measured = read_measured(study_of(changes, curve).fabrics["small"], "wale")
+    measured = measured_test(study_of(changes, curve).fabrics["small"], "wale")
     assert measured.pretension == pytest.approx(5.0)
-    assert measured.force_per_width[-1] == pytest.approx(100.0)
+    assert measured["force_per_width"][-1] == pytest.approx(100.0)
     # (8 - 0.5 x 4) mm over 80 mm from 0.9/80, where the force is 5 N/m.
-    assert measured.strain[-1] == pytest.approx((1 + 6 / 80) / (1 + 0.9 / 80) - 1)
+    assert measured["strain"][-1] == pytest.approx((1 + 6 / 80) / (1 + 0.9 / 80) - 1)
     assert len(measured.corrections) == 2
 
 
@@ -143,10 +143,16 @@ FAULTS = {
                            "width_mm": 20}},
         "measured.wale.width",
     ),
-    "cycle of a tension test": (
-        {"measured.wale": {"direction": "wale", "file": "curve.csv", "cycle": 2}},
-        "measured.wale.cycle",
+    "file and files": ({"measured.wale.files": ["curve.csv"]}, "stands beside file"),
+    "no file": ({"measured.wale.file": None}, "give file or files"),
+    "one of the files missing": (
+        {"measured.wale": {"direction": "wale", "files": ["curve.csv", "nowhere.csv"]}},
+        "measured.wale.files = 'nowhere.csv': no such file",
     ),
+    "columns that are no names": ({"measured.wale.columns": "Force"}, "names and values, in braces"),
+    "a unit that is no text": ({"measured.wale.unit": {"force": 0.5}}, "measured.wale.unit.force"),
+    "lines from 0": ({"measured.wale.skip": [0, 3]}, "a whole number from 1"),
+    "another zero": ({"measured.wale.zero": "off"}, "must be keep or start or tail"),
 }  # fmt: skip
 
 
@@ -189,7 +195,7 @@ def test_the_cycle_of_a_bending_test_reaches_its_reader(study_of):
         },
         "calibrations.one.fit": ["b"],
     }
-    assert read_measured(study_of(changes, curve).fabrics["small"], "b").cycle == 2
+    assert measured_test(study_of(changes, curve).fabrics["small"], "b").cycle == 2
 
 
 def test_curves_are_read_before_anything_is_computed(study_of):
@@ -206,8 +212,9 @@ def test_the_files_of_a_study_hold_its_curves_once(study_of):
 def test_the_default_study_measures_the_acrylic_along_the_wale_only():
     fabric = load_study(CONFIG).fabrics["acrylic_jersey"]
     assert {entry["direction"] for entry in fabric["measured"].values()} == {"wale"}
-    pins, clamps = (read_measured(fabric, name) for name in ("wale", "wale_clamps"))
-    assert pins.force_per_width == pytest.approx(clamps.force_per_width)
-    assert (pins.strain < clamps.strain).all()
-    assert (pins.low < pins.strain).all() and (pins.strain < pins.high).all()
+    pins, clamps = (measured_test(fabric, name) for name in ("wale", "wale_clamps"))
+    assert pins["force_per_width"] == pytest.approx(clamps["force_per_width"])
+    assert (pins["strain"] < clamps["strain"]).all()
+    low, high = pins.band
+    assert (low < pins["strain"]).all() and (pins["strain"] < high).all()
     assert "10.1038/s41467-024-46498-z" in " ".join(pins.comments)

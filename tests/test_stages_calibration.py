@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from measured_tools import tension
 
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.measured.fabric_curve import MeasuredTension, read_measured
+from knitsim.measured.read import measured_test
 from knitsim.stages import calibration as stage
 from knitsim.stages import sensitivity
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
@@ -26,32 +27,32 @@ TRUTH = 1.3  # times the stated bending rigidity
 TOP = 60.0  # N/m
 
 
-def tension(strain, force, phase=None, pretension=0.0, **band):
-    phase = np.zeros(len(strain), dtype=int) if phase is None else np.array(phase)
-    named = {"low": None, "high": None, "lateral_strain": None} | band
-    return MeasuredTension(
-        "curve", "wale", np.array(strain), np.array(force), phase, pretension=pretension,
-        corrections=(), comments=(), **named,
-    )  # fmt: skip
-
-
 def test_points_that_say_nothing_are_left_out():
     strain, force = [0.0, 0.1, 0.2, 0.3, 0.25, 0.1, 0.05], [0.0, 5.0, 10.0, 30.0, 31.0, 8.0, -0.1]
-    one, kept = stage.tension_of("wale", tension(strain, force, phase=[0, 0, 0, 0, 1, 1, 1]))
+    one = tension("wale", "wale", force, strain, phase=[0, 0, 0, 0, 1, 1, 1]).to_fit()
     # No strain, more than the largest force of loading, less than none.
-    assert list(one.strain) == [0.1, 0.2, 0.3, 0.1]
+    assert list(one["strain"]) == [0.1, 0.2, 0.3, 0.1]
     assert list(one.phase) == [0, 0, 0, 1]
-    assert list(np.flatnonzero(kept)) == [1, 2, 3, 5]
-    under, _ = stage.tension_of("wale", tension(strain[1:4], force[1:4], pretension=5.0))
-    assert list(under.force_per_width) == [10.0, 30.0]
+    under = tension("wale", "wale", force[1:4], strain[1:4], pretension=5.0).to_fit()
+    assert list(under["force_per_width"]) == [10.0, 30.0]
 
 
 def test_a_band_without_width_is_no_band():
     strain = np.array([0.1, 0.2, 0.3])
-    wide = tension(strain, [1.0, 2.0, 3.0], low=strain - 0.01, high=strain + 0.01)
-    assert stage.tension_of("wale", wide)[0].low == pytest.approx(strain - 0.01)
-    none = tension(strain, [1.0, 2.0, 3.0], low=strain, high=strain)
-    assert stage.tension_of("wale", none)[0].low is None
+    wide = tension("wale", "wale", [1.0, 2.0, 3.0], strain, low=strain - 0.01, high=strain + 0.01)
+    assert wide.to_fit().band[0] == pytest.approx(strain - 0.01)
+    assert tension("wale", "wale", [1.0, 2.0, 3.0], strain, low=strain, high=strain).band is None
+
+
+def test_measured_strain_is_counted_from_the_pretension_of_the_prediction():
+    strain, force = np.array([0.1, 0.2, 0.3]), [10.0, 20.0, 40.0]
+    one = tension("wale", "wale", force, strain, low=strain - 0.01, high=strain + 0.02)
+    assert stage._shifted(one, 0.0) is one
+    # 30 N/m lies half way from 0.2 to 0.3; 5 N/m half way from rest to the first point.
+    for pretension, zero in ((30.0, 0.25), (5.0, 0.05)):
+        shifted = stage._shifted(one, pretension)
+        assert shifted["strain"] == pytest.approx((1.0 + strain) / (1.0 + zero) - 1.0)
+        assert shifted["strain_high"] == pytest.approx((1.02 + strain) / (1.0 + zero) - 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +67,7 @@ def fabric(tmp_path_factory):
     rigidity = plain.yarn["bending_rigidity"]
     true = plain.with_value("yarn.bending_rigidity_N_mm2", TRUTH * rigidity * 1e6)
     rest = relax(solver_fabric(true, law), resolution_of(plain))
-    lines = ["strain,force_per_width_N_per_m"]
+    lines = ["strain,force_per_width_N_per_m", "0,0"]
     strains = np.linspace(0.02, 2.0, 100)
     curve = tensile(rest, "wale", strains, to_force=TOP)
     lines += [
@@ -106,7 +107,7 @@ def test_forces_and_curvatures_that_are_asked(fabric):
     forces, half = stage.asked_of(small, {})
     assert forces == pytest.approx(TOP * np.arange(1, 9) / 8)
     assert half == pytest.approx([25.0, 50.0])
-    measured = {"wale": read_measured(small, "wale")}
+    measured = {"wale": measured_test(small, "wale")}
     plain = load_study(CONFIG / "small").fabrics["small"]
     forces, half = stage.asked_of(plain, measured)
     assert (len(forces), forces[-1]) == (24, pytest.approx(TOP, rel=1e-5))

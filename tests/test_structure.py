@@ -18,6 +18,7 @@ APART = {
     "kes": {"kinematic"},
     "verification": {"inference", "study"},
     "figures": {
+        "measured",
         "yarn",
         "kinematic",
         "equilibrium",

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from knitsim import units
+from knitsim.units import COUNT, FORCE, LENGTH, NONE, TO_SI, label, parsed
 
 # kg per m of a yarn of which 1 unit of length weighs 1 unit of mass, from the definitions:
 # Ne: hanks of 840 yards (1 yd = 0.9144 m) to the pound (0.45359237 kg).
@@ -97,3 +98,46 @@ def test_twist_multiplier():
     # Ne 25 at multiplier 4: 20 turns per inch.
     linear_density = units.to_si(25, "Ne")
     assert units.twist_from_multiplier(linear_density, 4.0) * 0.0254 == pytest.approx(20.0)
+
+
+READ = {
+    # Force (N), length (m), their quotients and products.
+    "N": (1.0, FORCE), "cN": (1e-2, FORCE), "mN": (1e-3, FORCE), "kN": (1e3, FORCE), "KN": (1e3, FORCE),
+    "gf": (9.80665e-3, FORCE), "g": (9.80665e-3, FORCE), "kgf": (9.80665, FORCE),
+    "lbf": (4.4482216152605, FORCE), "(mm)": (1e-3, LENGTH), "[in]": (0.0254, LENGTH),
+    '"': (0.0254, LENGTH), "µm": (1e-6, LENGTH), "cm-1": (100.0, (0, -1, 0, 0)),
+    "1/cm": (100.0, (0, -1, 0, 0)), "cm⁻¹": (100.0, (0, -1, 0, 0)), "cm^-1": (100.0, (0, -1, 0, 0)),
+    "per cm": (100.0, (0, -1, 0, 0)), "N/5cm": (20.0, (1, -1, 0, 0)), "N/50 mm": (20.0, (1, -1, 0, 0)),
+    "N per mm": (1e3, (1, -1, 0, 0)), "gf/cm": (0.980665, (1, -1, 0, 0)),
+    "gf.cm/cm": (9.80665e-3, FORCE), "gf*cm/cm": (9.80665e-3, FORCE), "gf cm/cm": (9.80665e-3, FORCE),
+    "gf·cm/cm": (9.80665e-3, FORCE), "gf-cm/cm": (9.80665e-3, FORCE), "gfcm/cm": (9.80665e-3, FORCE),
+    "cN cm/cm": (1e-2, FORCE), "uN m/m": (1e-6, FORCE), "gf cm": (9.80665e-5, (1, 1, 0, 0)),
+    "N/(5 cm)": (20.0, (1, -1, 0, 0)),
+    # Linear density (kg/m), and force over it.
+    "tex": (1e-6, COUNT), "cN/tex": (1e4, (1, 0, -1, 0)), "cN/dtex": (1e5, (1, 0, -1, 0)),
+    "g/den": (9.80665e-3 * 9e6, (1, 0, -1, 0)), "N/tex": (1e6, (1, 0, -1, 0)),
+    "%": (1e-2, NONE), "mm/mm": (1.0, NONE), "-": (1.0, NONE), "1": (1.0, NONE), "1/s": (1.0, (0, 0, 0, -1)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", READ)
+def test_units_are_read_as_they_are_written(text):
+    factor, powers = READ[text]
+    found = parsed(text)
+    assert found.powers == powers and found.factor == pytest.approx(factor, rel=1e-12)
+    assert found.to_si(2.0) == pytest.approx(2.0 * factor)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "MN", "furlong", "Kraft", "5 N", "12.3", "N2O", "°C", "()", "N mm 3"]
+)
+def test_what_is_no_unit_is_none(text):
+    assert parsed(text) is None
+
+
+def test_every_unit_of_the_keys_is_read_as_it_is_labelled():
+    for name, factor in TO_SI.items():
+        found = parsed(label(name))
+        # A mass over a volume, a stress and an angle are no units of a measured curve.
+        if name not in ("g_per_cm3", "MPa", "GPa", "deg"):
+            assert found.factor == pytest.approx(factor, rel=1e-12), name

@@ -4,14 +4,15 @@ Every function takes the datasets of ``measured/<fabric>/`` by the name of their
 prediction with all parameters as given comes first.
 """
 
+import json
+
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import style
-from knitsim.figures.states import PERCENT, fabric_name, heading, letter
-from knitsim.measured.fabric_curve import LOADING, from_pretension, zero_at
+from knitsim.figures.states import PERCENT, heading, letter
 from knitsim.study.measured_keys import GIVEN
 from knitsim.units import from_si, label
 
@@ -55,6 +56,11 @@ def _looks(datasets, nested=False):
     return looks
 
 
+def _fabric(datasets):
+    """Name of the fabric that the datasets are about."""
+    return json.loads(next(iter(datasets.values())).attrs["configuration"])["name"]
+
+
 def title_of(name):
     """What a calibration is called in a figure."""
     return "no calibration: as given" if name == GIVEN else name.replace("_", " ")
@@ -96,18 +102,16 @@ def _measured_handle(one, look):
 def _measured(ax, dataset, curves):
     """Measured points of the tension ``curves`` (numbers) with their bands; legend handles.
 
-    Strain counts from the pretension from which it is predicted in their direction.
+    Strain counts from where it is predicted from.
     """
     handles = []
     for k, number in enumerate(curves):
         one = dataset.isel(curve=number)
-        strain = from_si(_counted(dataset, one, "strain"), PERCENT)
+        strain = from_si(one.shifted_strain.values, PERCENT)
         force = from_si(one.measured_force_per_width.values, FORCE)
         recovery = one.measured_phase.values.astype(bool)
         look = _mark(k)
-        band = [
-            from_si(_counted(dataset, one, f"strain_{end}"), PERCENT) for end in ("low", "high")
-        ]
+        band = [from_si(one[f"shifted_strain_{end}"].values, PERCENT) for end in ("low", "high")]
         if np.isfinite(band[0]).any():
             ax.errorbar(
                 strain, force, xerr=[strain - band[0], band[1] - strain], color=style.BLACK,
@@ -117,20 +121,6 @@ def _measured(ax, dataset, curves):
             ax.plot(strain[part], force[part], linestyle="none", markerfacecolor=face, **look)
         handles.append(_measured_handle(one, look))
     return handles
-
-
-def _counted(dataset, one, quantity):
-    """A measured strain (n,) of the curve ``one``, from the pretension of its direction."""
-    direction = str(one.curve_direction.values)
-    to, own = float(dataset.predicted_pretension.sel(direction=direction)), float(one.pretension)
-    values = one[f"measured_{quantity}"].values
-    if to <= own:
-        return values
-    of = "transverse_strain" if quantity == "transverse_strain" else "strain"
-    loading = one.measured_phase.values == LOADING
-    loading &= np.isfinite(one[f"measured_{of}"].values)
-    force = one.measured_force_per_width.values[loading]
-    return from_pretension(values, zero_at(to, force, one[f"measured_{of}"].values[loading], own))
 
 
 def _curves_of(dataset, direction, test="tension"):
@@ -184,7 +174,7 @@ def fig30_calibration(datasets):
     )
     heading(
         fig,
-        f"Fig. 30  Fabric {fabric_name(next(iter(datasets.values())))}, calibrated on measured curves:"
+        f"Fig. 30  Fabric {_fabric(datasets)}, calibrated on measured curves:"
         f" {direction} direction",
     )
     for number, (ax, (name, dataset)) in enumerate(zip(axes.flat, datasets.items(), strict=False)):
@@ -231,7 +221,7 @@ def fig31_prediction(datasets):
     first = next(iter(datasets.values()))
     heading(
         fig,
-        f"Fig. 31  Fabric {fabric_name(first)}, predicted by each choice of parameters: how far they"
+        f"Fig. 31  Fabric {_fabric(datasets)}, predicted by each choice of parameters: how far they"
         " lie apart",
     )
     measured = {}
@@ -281,8 +271,8 @@ def _lateral(ax, datasets, direction, looks):
     for k, number in enumerate(_curves_of(first, direction)):
         one = first.isel(curve=number)
         ax.plot(
-            from_si(_counted(first, one, "strain"), PERCENT),
-            from_si(_counted(first, one, "transverse_strain"), PERCENT),
+            from_si(one.shifted_strain.values, PERCENT),
+            from_si(one.shifted_transverse_strain.values, PERCENT),
             linestyle="none", markerfacecolor="none", **_mark(k),
         )  # fmt: skip
     ax.set_xlabel(_strain_label(first, direction))
@@ -345,7 +335,7 @@ def fig32_misfit_profile(datasets):
     fig, axes = style.figure(height_mm=26.0 + 62.0 * rows, rows=rows, columns=columns, sharey=True)
     heading(
         fig,
-        f"Fig. 32  Fabric {fabric_name(next(iter(datasets.values())))}: misfit along each calibrated"
+        f"Fig. 32  Fabric {_fabric(datasets)}: misfit along each calibrated"
         " parameter, the others fitted again",
     )
     # Far from the fit the misfit may be large, which hides where it is small.

@@ -30,13 +30,13 @@ def law_source(dataset):
     curve = json.loads(dataset.attrs["configuration"])["yarn"]["values"]["tension_curve"]
     if curve is None:
         return "Tension law of the yarn as stated in the configuration."
-    stem = PurePosixPath(curve["file"]).stem
-    if stem.endswith("_rebuilt"):
+    file = PurePosixPath(curve["file"] or curve["files"][0])
+    if file.stem.endswith("_rebuilt"):
         return (
             "Tension law of the yarn rebuilt from the paper's constants, not measured; the paper's"
             " measured curve of the fabric is not available."
         )
-    return f"Tension law of the yarn calibrated from {PurePosixPath(curve['file']).name}."
+    return f"Tension law of the yarn calibrated from {file.name}."
 
 
 def readings(dataset):

@@ -9,49 +9,37 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from knitsim.equilibrium.bend import DIRECTIONS, bend
+from knitsim.equilibrium.bend import bend
 from knitsim.errors import ComputationError, InputError
-from knitsim.inference.curve_points import numbers, weights
-from knitsim.kes.single_pass import turns
+from knitsim.measured.course import turns
+from knitsim.measured.test import MeasuredTest
 
 COMPARED = 16  # curvatures at which model and measurement are compared, the flat fabric left out
 PASS_POINTS = 17  # at most, of one pass of the test, which the model goes through
 
 
 @dataclass(frozen=True, eq=False)
-class Bending:
-    """A measured bending test; arrays (n,) in the order of the test.
+class BendingPoints:
+    """What a fit compares of a measured bending test, a knitsim.measured.test.MeasuredTest.
 
-    direction: the one that becomes curved; curvature (1/m, positive with the technical face convex),
-    on both sides of the flat fabric or beginning or ending there; moment_per_width (N), from any
-    zero, which curl makes uncertain; both are thinned to at most 17 points a pass.  cycle: which one
-    of the test this is, from 1; the model goes round before as often as the fabric did.  weight
-    (points,): of the squared residuals.  Taken from these:
-
-    at (points,): curvatures compared, without 0; change (points,): moment per width there, mean of
-    both ways, counted from that at curvature 0.
+    curvature, moment_per_width (n,): of the test, from any zero, which curl makes uncertain, thinned to
+    at most 17 points a pass.  at (points,): curvatures compared, without 0; change (points,): moment per
+    width there, mean of both ways, counted from that at curvature 0.  The model goes round before as
+    often as the fabric did.  Raises InputError for a curvature or moment that does not change.
     """
 
-    name: str
-    direction: str
-    curvature: np.ndarray
-    moment_per_width: np.ndarray
-    weight: np.ndarray | None = None
-    cycle: int = 1
+    test: MeasuredTest
+    curvature: np.ndarray = field(init=False)
+    moment_per_width: np.ndarray = field(init=False)
     at: np.ndarray = field(init=False)
     change: np.ndarray = field(init=False)
 
     def __post_init__(self):
-        if self.direction not in DIRECTIONS:
-            raise InputError(f"{self.name}: direction", self.direction, "must be course or wale")
-        if not self.cycle >= 1:
-            raise InputError(f"{self.name}: cycle", self.cycle, "must be 1 or more")
-        curvature = numbers(f"{self.name}: curvature", self.curvature, least=2)
-        moment = numbers(f"{self.name}: moment per width", self.moment_per_width, len(curvature))
+        curvature, moment, name = self.test.x, self.test.y, self.test.name
         if curvature.min() == curvature.max():
-            raise InputError(f"{self.name}: curvature", float(curvature[0]), "must change")
+            raise InputError(f"{name}: curvature", float(curvature[0]), "must change")
         if not moment.any():
-            raise InputError(f"{self.name}: moment per width", 0.0, "must not be zero throughout")
+            raise InputError(f"{name}: moment per width", 0.0, "must not be zero throughout")
         own = passed_points(curvature)
         curvature, moment = curvature[own], moment[own]
         ends = [
@@ -60,16 +48,9 @@ class Bending:
         ]
         at = np.linspace(max(low for low, _ in ends), min(high for _, high in ends), COMPARED + 1)
         at = at[np.abs(at) > 1e-9 * np.abs(at).max()]
-        for name, value in (
-            ("curvature", curvature), ("moment_per_width", moment), ("at", at),
-            ("weight", weights(self.name, self.weight, len(at))),
-        ):  # fmt: skip
-            object.__setattr__(self, name, value)
+        for field_, value in (("curvature", curvature), ("moment_per_width", moment), ("at", at)):
+            object.__setattr__(self, field_, value)
         object.__setattr__(self, "change", self.compared(moment))
-
-    @property
-    def size(self):
-        return len(self.at)
 
     def compared(self, moment):
         """Change of moment (N, (points,)) of moments (n,) along ``curvature``, measured or not."""
@@ -90,17 +71,17 @@ class Bending:
 
         options: of knitsim.equilibrium.bend.bend.  Raises ComputationError where it ends early.
         """
-        n = len(self.curvature)
-        curve = bend(relaxed, self.direction, np.tile(self.curvature, self.cycle), **options)
+        n, direction = len(self.curvature), self.test.direction
+        curve = bend(relaxed, direction, np.tile(self.curvature, self.test.cycle), **options)
         if curve.stop_reason:
-            raise ComputationError(f"{self.direction} bending: {curve.stop_reason}")
+            raise ComputationError(f"{direction} bending: {curve.stop_reason}")
         return curve, slice(-n, None)
 
 
-def bending_points(test, relaxed):
-    """Change of moment (N) of the model at the compared curvatures of a Bending, (points,)."""
-    curve, own = test.follow(relaxed)
-    return test.compared(curve.moment_per_width[own])
+def bending_points(points, relaxed):
+    """Change of moment (N) of the model at the compared curvatures of a BendingPoints, (points,)."""
+    curve, own = points.follow(relaxed)
+    return points.compared(curve.moment_per_width[own])
 
 
 def passed_points(curvature):

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.errors import ComputationError, InputError
 from knitsim.inference import curve_points as curves_
-from knitsim.inference.bending_points import Bending, bending_points
+from knitsim.inference.bending_points import BendingPoints, bending_points
 from knitsim.inference.continuation import (
     Sensitivity,
     States,
@@ -26,14 +26,15 @@ from knitsim.inference.continuation import (
     value_of,
     varied,
 )
-from knitsim.inference.curve_points import Tension
 from knitsim.inference.statistics import (
     Spread,
     robust_scale,
     soft,
+    soft_loss,
     spread,
     warnings_of,
 )
+from knitsim.measured.test import MeasuredTest
 from knitsim.study.measured_keys import MOST_FREE
 
 KINDS = ("strain", "force")
@@ -42,10 +43,12 @@ PENALTY = 1e3  # residual of a trial that failed: far beyond any that succeeds
 MOST_TRIALS = 60
 STEP = 1e-3  # of a value, for differences between solved tests
 LEAST_STEP = 1e-3  # of the range between the bounds, for values near zero
+LEAST_BAND = 0.1  # of the middle width of a band
 FLOOR = 0.05  # of the largest measured value: a relative misfit divides by no less
 TOLERANCES = {"ftol": 1e-6, "xtol": 1e-6, "gtol": 1e-7}
 PROFILE_AT = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)  # standard errors
 PROFILE_STEPS, PROFILE_GAIN = 3, 0.01  # steps at most, and while the misfit falls by as much
+ROUNDS, STILL = 4, 0.9  # of a robust fit at most, and while the scale of its residuals falls so far
 ON_BOUND, SAME = 1e-4, 1e-3  # of the range; of the sum of squares
 _FAILURES = (ComputationError, InputError)
 
@@ -66,9 +69,10 @@ class Problem:
     """What is to be fitted.
 
     fabric: with all other inputs; parameters: one to three :class:`Parameter`; curves: measured
-    :class:`Tension` and :class:`Bending`; kind: "strain" at given force or "force" at given strain
-    (bending: always the moment); misfit: "relative" to the measured value (no less than 5 % of the
-    largest), "absolute" (over the largest of the curve) or "band" (over half the measured band);
+    tests (MeasuredTest) of tension, of which those points count that say something, and of bending;
+    kind: "strain" at given force or "force" at given strain (bending: always the moment); misfit:
+    "relative" to the measured value (no less than 5 % of the largest), "absolute" (over the largest of
+    the curve) or "band" (over half the measured band, no less than a tenth of its middle width);
     resolution, states: of the solver, states up to the largest measured strain.
     """
 
@@ -82,6 +86,12 @@ class Problem:
 
     def __post_init__(self):
         parameters, curves = tuple(self.parameters), tuple(self.curves)
+        if not curves or not all(isinstance(c, MeasuredTest) for c in curves):
+            raise InputError("curves", len(curves), "must be one or more measured tests")
+        for c in curves:
+            if not c.direction:
+                raise InputError(f"{c.name}: direction", None, "is missing; must be course or wale")
+        curves = tuple(c.to_fit() if c.kind == "tension" else c for c in curves)
         object.__setattr__(self, "parameters", parameters)
         object.__setattr__(self, "curves", curves)
         names = [p.name for p in parameters]
@@ -98,8 +108,6 @@ class Problem:
                     start,
                     f"must lie within its bounds, {p.low:g} to {p.high:g}",
                 )
-        if not curves or not all(isinstance(c, Tension | Bending) for c in curves):
-            raise InputError("curves", len(curves), "must be one or more Tension or Bending")
         if len({c.name for c in curves}) < len(curves):
             raise InputError("curves", [c.name for c in curves], "must have different names")
         if self.kind not in KINDS:
@@ -107,13 +115,16 @@ class Problem:
         if self.misfit not in MISFITS:
             raise InputError("misfit", self.misfit, f"must be one of {', '.join(MISFITS)}")
         banded = self.kind == "strain" and all(
-            isinstance(c, Tension) and c.low is not None for c in curves
+            c.kind == "tension" and c.band is not None for c in curves
         )
         if self.misfit == "band" and not banded:
             raise InputError(
                 "misfit", "band", "needs strain at given force, and bands of all curves"
             )
-        size = sum(int((c.weight > 0).sum()) for c in curves)
+        size = sum(
+            int((c.weight > 0).sum()) if c.kind == "tension" else len(BendingPoints(c).at)
+            for c in curves
+        )
         if size <= len(names):
             raise InputError(
                 "measured points", size, f"must be more than the {len(names)} free parameters"
@@ -216,16 +227,23 @@ def fit(problem, *, profile=True):
     found = least_squares(
         residual, u, jacobian, bounds=(0.0, 1.0), max_nfev=MOST_TRIALS, **TOLERANCES
     )
-    scale = robust_scale(found.fun, len(u))
-    if np.isfinite(scale):
-        # Points far from the rest are there: once more, with less weight on them.
+    root, size = np.concatenate(trial.root), np.inf
+    there = root > 0
+    for _ in range(ROUNDS):
+        seen = robust_scale(found.fun[there] / root[there], len(u))
+        if not seen < STILL * size:
+            break
+        # Points far from the rest are there, to which the fit before has given way: once more, with less
+        # weight on them, however much of the curve they stand for.
+        size = seen
         found = least_squares(
-            residual, np.clip(found.x, 0.0, 1.0), jacobian, bounds=(0.0, 1.0), loss="soft_l1",
-            f_scale=scale, max_nfev=MOST_TRIALS, **TOLERANCES,
+            residual, np.clip(found.x, 0.0, 1.0), jacobian, bounds=(0.0, 1.0),
+            loss=soft_loss(size * np.where(there, root, 1.0)), max_nfev=MOST_TRIALS, **TOLERANCES,
         )  # fmt: skip
+    scale = size * np.where(there, root, 1.0)
     values, r = _on_bounds(problem, trial, low + found.x * unit)
     slopes = trial.jacobian(values, central=True)
-    spread_ = spread(values, r, slopes, scale, trial.groups)
+    spread_ = spread(values, r, slopes, scale, trial.groups, np.concatenate(trial.weight))
     interval = np.clip(spread_.interval, low[:, None], high[:, None])
     names, bounds = problem.names, problem.bounds
     warnings = list(warnings_of(names, values, bounds, spread_))
@@ -302,15 +320,20 @@ class _Trials:
             pass
         self.resolution = common_resolution(fabrics, problem.resolution)
         self.states = States(self.resolution)
+        self.bent = [BendingPoints(c) if c.kind == "bending" else None for c in problem.curves]
         self.measured = [
-            c.change if isinstance(c, Bending) else curves_.measured_points(c, problem.kind)
-            for c in problem.curves
+            curves_.measured_points(c, problem.kind) if bent is None else bent.change
+            for c, bent in zip(problem.curves, self.bent, strict=True)
         ]
         self.divisor = [
             self._divisor(*one) for one in zip(problem.curves, self.measured, strict=True)
         ]
-        self.root = [np.sqrt(c.weight) for c in problem.curves]
-        self.groups = np.repeat(np.arange(len(problem.curves)), [c.size for c in problem.curves])
+        self.weight = [
+            c.weight if bent is None else np.ones(len(bent.at))
+            for c, bent in zip(problem.curves, self.bent, strict=True)
+        ]
+        self.root = [np.sqrt(weight) for weight in self.weight]
+        self.groups = np.repeat(np.arange(len(problem.curves)), list(map(len, self.measured)))
         self.points = len(self.groups)
         self.notes, self.evaluations = [], 0
         self.kept = None
@@ -323,15 +346,18 @@ class _Trials:
 
     def _divisor(self, curve, measured):
         if self.problem.misfit == "band":
-            return 0.5 * (curve.high - curve.low)
+            low, high = curve.band
+            half = 0.5 * (high - low)
+            # Specimens whose curves cross are no more certain there.
+            return np.maximum(half, LEAST_BAND * np.median(half))
         largest = np.abs(measured).max()
         if self.problem.misfit == "absolute":
-            return np.full(curve.size, largest)
+            return np.full(len(measured), largest)
         return np.maximum(np.abs(measured), FLOOR * largest)
 
     def misfit(self, residual):
         """Weighted rms of residuals that carry the roots of the weights."""
-        total = sum(float(c.weight.sum()) for c in self.problem.curves)
+        total = sum(float(weight.sum()) for weight in self.weight)
         return float(np.sqrt(residual @ residual / total))
 
     def solve(self, values):
@@ -345,10 +371,10 @@ class _Trials:
             fabric = varied(self.problem.fabric, dict(zip(self.names, values, strict=True)))
             rest = self.states.rest(fabric)
             solved, points = [], []
-            for curve in self.problem.curves:
-                if isinstance(curve, Bending):
+            for curve, bent in zip(self.problem.curves, self.bent, strict=True):
+                if bent is not None:
                     solved.append(None)
-                    points.append(bending_points(curve, rest.relaxed))
+                    points.append(bending_points(bent, rest.relaxed))
                     continue
                 solved.append(curves_.pull_of(curve, rest.relaxed, kind, self.problem.states))
                 points.append(curves_.tension_points(curve, solved[-1], kind))
@@ -382,7 +408,7 @@ class _Trials:
         curves, fabric = self.problem.curves, self.problem.fabric
         rest, solved, points = self.solve(values)
         exact = [curves_.has_gradient(c, fabric, self.names) for c in curves]
-        parts = [np.zeros((c.size, len(self.names))) for c in curves]
+        parts = [np.zeros((len(m), len(self.names))) for m in self.measured]
         if any(exact):
             by_state = Sensitivity(rest, self.names, self.resolution)
             for k, curve in enumerate(curves):

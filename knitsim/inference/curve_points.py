@@ -1,8 +1,8 @@
-"""Measured tension tests as a fit sees them, and the same points from the model.
+"""The points of a measured tension test from the model.
 
-A test is solved at strains that do not depend on the fabric's inputs, up to the largest
-measured force; between its states the strain at a force (or the force at a strain) is interpolated
-by monotone cubics.
+A measured test is a knitsim.measured.test.MeasuredTest.  It is solved at strains that do not depend
+on the fabric's inputs, up to the largest measured force; between its states the strain at a force (or
+the force at a strain) is interpolated by monotone cubics.
 """
 
 from dataclasses import dataclass
@@ -18,105 +18,12 @@ from knitsim.equilibrium.pull import (
     tensile,
 )
 from knitsim.equilibrium.result import LOADING, RECOVERY
-from knitsim.errors import ComputationError, InputError
-from knitsim.measured.fabric_curve import from_pretension
+from knitsim.errors import ComputationError
+from knitsim.measured.test import from_pretension
 
 STATES = 16  # up to the largest measured strain
 GROWTH, WIDENING = 1.3, 1.15  # of the steps before and beyond the even ones
 FURTHER = 4.0  # the model may strain this many times as far before it counts as failed
-
-
-def numbers(where, values, size=None, least=1):
-    """``values`` as an array (n,) of finite numbers, n = size or least at least; else InputError."""
-    try:
-        values = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(where, values, "must be numbers") from None
-    if values.ndim != 1 or len(values) < least or not np.isfinite(values).all():
-        raise InputError(where, values.tolist(), f"must be {least} or more finite numbers")
-    if size is not None and len(values) != size:
-        raise InputError(where, len(values), f"must be {size} numbers, one for each point")
-    return values
-
-
-def weights(name, weight, size):
-    """The weights (size,) of a curve's points, all 1 without; else InputError."""
-    weight = np.ones(size) if weight is None else numbers(f"{name}: weight", weight, size)
-    if (weight < 0).any() or not weight.any():
-        raise InputError(f"{name}: weight", weight.tolist(), "must not be negative, nor all zero")
-    return weight
-
-
-@dataclass(frozen=True, eq=False)
-class Tension:
-    """A measured tension test; arrays (n,).
-
-    direction: course or wale; force_per_width (N/m, of the starting width), all above the
-    pretension; strain (1), from the state under pretension (N/m); phase: 0 loading, 1 recovery (all
-    loading without it), recovery from the largest force; weight: of the squared residual; low, high:
-    band of the strain; lateral: "free", "held" or a force per width (N/m).
-    """
-
-    name: str
-    direction: str
-    force_per_width: np.ndarray
-    strain: np.ndarray
-    phase: np.ndarray | None = None
-    weight: np.ndarray | None = None
-    low: np.ndarray | None = None
-    high: np.ndarray | None = None
-    pretension: float = 0.0
-    lateral: str | float = "free"
-
-    def __post_init__(self):
-        if self.direction not in PULLED:
-            raise InputError(f"{self.name}: direction", self.direction, "must be course or wale")
-        force = numbers(f"{self.name}: force per width", self.force_per_width)
-        n = len(force)
-        strain = numbers(f"{self.name}: strain", self.strain, n)
-        phase = np.zeros(n, dtype=int) if self.phase is None else np.array(self.phase, dtype=int)
-        if phase.shape != (n,) or not np.isin(phase, (LOADING, RECOVERY)).all():
-            raise InputError(
-                f"{self.name}: phase", phase.tolist(), "must be 0 (loading) or 1 (recovery)"
-            )
-        loading = phase == LOADING
-        if not loading.any():
-            raise InputError(f"{self.name}: phase", "recovery only", "must have loading points")
-        if not self.pretension >= 0 or not (force[loading] > self.pretension).all():
-            raise InputError(
-                f"{self.name}: force per width", float(force[loading].min()),
-                f"must be above the pretension, {self.pretension:g} N/m, on loading",
-            )  # fmt: skip
-        if not (force >= 0).all() or force.max() > force[loading].max():
-            raise InputError(
-                f"{self.name}: force per width", float(force.min()),
-                "must not be negative on recovery, nor above the largest one of loading",
-            )  # fmt: skip
-        if not (strain[loading] > 0).all() or strain.max() > LARGEST_STRAIN:
-            raise InputError(
-                f"{self.name}: strain", strain.tolist(),
-                f"must be above 0 on loading and {LARGEST_STRAIN:g} at most",
-            )  # fmt: skip
-        if (self.low is None) != (self.high is None):
-            raise InputError(f"{self.name}: band", None, "must have both its low and its high end")
-        if self.low is not None:
-            low = numbers(f"{self.name}: low", self.low, n)
-            high = numbers(f"{self.name}: high", self.high, n)
-            if not (low < high).all():
-                raise InputError(f"{self.name}: low", low.tolist(), "must be below high")
-            object.__setattr__(self, "low", low)
-            object.__setattr__(self, "high", high)
-        for field, value in (
-            ("force_per_width", force),
-            ("strain", strain),
-            ("phase", phase),
-            ("weight", weights(self.name, self.weight, n)),
-        ):
-            object.__setattr__(self, field, value)
-
-    @property
-    def size(self):
-        return len(self.strain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,14 +107,14 @@ def pull(relaxed, direction, strains, *, to_force=None, recovery=False, lateral=
 
 
 def pull_of(test, relaxed, kind, states=STATES):
-    """The :class:`Pull` that a measured :class:`Tension` compares with; kind as in
+    """The :class:`Pull` that a measured tension test compares with; kind as in
     :func:`tension_points`."""
-    loading = test.phase == LOADING
+    loading = test.loading
     recovery = bool((~loading).any())
-    ends = float(test.strain[loading].min()), float(test.strain[loading].max())
+    ends = float(test["strain"][loading].min()), float(test["strain"][loading].max())
     strains = strains_for(*ends, states)
     if kind == "strain":
-        top = float(test.force_per_width[loading].max())
+        top = float(test["force_per_width"][loading].max())
         return pull(
             relaxed, test.direction, strains, to_force=top, recovery=recovery, lateral=test.lateral
         )
@@ -223,8 +130,8 @@ def pull_of(test, relaxed, kind, states=STATES):
 
 
 def measured_points(test, kind):
-    """The measured values that a fit of a Tension compares with, (n,): strain or force per width."""
-    return test.strain if kind == "strain" else test.force_per_width
+    """The measured values that a fit of a tension test compares with, (n,): strain or force per width."""
+    return test["strain"] if kind == "strain" else test["force_per_width"]
 
 
 def tension_points(test, pulled, kind):
@@ -234,15 +141,17 @@ def tension_points(test, pulled, kind):
     ComputationError where a point is not reached.
     """
     zero = float(pulled.strain_at(test.pretension)) if test.pretension else 0.0
-    values = np.empty(test.size)
+    values = np.empty(len(test))
     for phase in (LOADING, RECOVERY):
         own = test.phase == phase
         if not own.any():
             continue
         if kind == "strain":
-            values[own] = from_pretension(pulled.strain_at(test.force_per_width[own], phase), zero)
+            values[own] = from_pretension(
+                pulled.strain_at(test["force_per_width"][own], phase), zero
+            )
         else:
-            strain = (1.0 + test.strain[own]) * (1.0 + zero) - 1.0
+            strain = (1.0 + test["strain"][own]) * (1.0 + zero) - 1.0
             values[own] = pulled.force_at(strain, phase)
     if not np.isfinite(values).all():
         point = int(np.argmin(np.isfinite(values)))
@@ -280,21 +189,21 @@ def tension_gradient(test, pulled, sensitivity, kind):
         zero = float(pulled.strain_at(test.pretension))
         by_zero = _interpolated(pulled.force_per_width, rows, test.pretension)
     if kind == "strain":
-        e = pulled.strain_at(test.force_per_width)[:, None]
-        inner = _interpolated(pulled.force_per_width, rows, test.force_per_width)
+        e = pulled.strain_at(test["force_per_width"])[:, None]
+        inner = _interpolated(pulled.force_per_width, rows, test["force_per_width"])
         return inner / (1.0 + zero) - (1.0 + e) * by_zero / (1.0 + zero) ** 2
-    strain = (1.0 + test.strain) * (1.0 + zero) - 1.0
+    strain = (1.0 + test["strain"]) * (1.0 + zero) - 1.0
     slope = PchipInterpolator(pulled.strain, pulled.force_per_width).derivative()(strain)
     inner = _interpolated(pulled.strain, forces, strain)
-    return inner + slope[:, None] * (1.0 + test.strain)[:, None] * by_zero
+    return inner + slope[:, None] * (1.0 + test["strain"])[:, None] * by_zero
 
 
 def has_gradient(test, fabric, names):
     """Whether :func:`tension_gradient` knows the derivatives of a test by these inputs."""
     return (
-        isinstance(test, Tension)
+        test.kind == "tension"
         and test.lateral == "free"
-        and bool((test.phase == LOADING).all())
+        and bool(test.loading.all())
         and fabric.friction == 0.0
         and "friction" not in names
     )

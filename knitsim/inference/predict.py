@@ -19,7 +19,7 @@ from knitsim.errors import ComputationError, InputError
 from knitsim.inference.bending_points import bending_points
 from knitsim.inference.continuation import States, common_resolution, varied
 from knitsim.inference.curve_points import Pull, strains_for
-from knitsim.measured.fabric_curve import from_pretension
+from knitsim.measured.test import from_pretension
 
 SMALLEST, EVENLY, STATES = 0.01, 1.0, 50  # strains solved, see strains_for
 PARTS = (1.0, 0.5, 0.25, 0.125)  # of the way to the end of an interval, while it has no fabric
@@ -239,7 +239,7 @@ class Predictor:
         )
 
     def measured_bending(self, test):
-        """What a measured :class:`knitsim.inference.bending_points.Bending` compares with: an
+        """What a measured test's :class:`knitsim.inference.bending_points.BendingPoints` compare with: an
         :class:`Outcome` with ``moment_change`` (N, per width, mean of both ways) at ``test.at``.
 
         Raises ComputationError where the model does not get through the test.

@@ -36,10 +36,21 @@ class Spread:
 
 
 def soft(residual, scale):
-    """Weight of each residual in the robust loss 2 s^2 (sqrt(1 + r^2/s^2) - 1), s = scale."""
-    if not np.isfinite(scale):
-        return np.ones_like(residual)
+    """Weight of each residual in the robust loss 2 s^2 (sqrt(1 + r^2/s^2) - 1), s = scale, of all or (n,)
+    of each."""
     return 1.0 / np.sqrt(1.0 + (residual / scale) ** 2)
+
+
+def soft_loss(scale):
+    """That loss as scipy.optimize.least_squares takes it, with the scale (n,) of each residual."""
+
+    def loss(square):
+        over = 1.0 + square / scale**2
+        return np.stack([
+            2.0 * scale**2 * (np.sqrt(over) - 1.0), over**-0.5, -0.5 * over**-1.5 / scale**2
+        ])  # fmt: skip
+
+    return loss
 
 
 def robust_scale(residual, parameters, factor=4.0):
@@ -55,22 +66,24 @@ def robust_scale(residual, parameters, factor=4.0):
     return factor * sigma
 
 
-def spread(values, residual, jacobian, scale, groups):
+def spread(values, residual, jacobian, scale, groups, weight=None):
     """The :class:`Spread` about ``values`` (parameters,).
 
     residual (n,), jacobian (n, parameters) by the parameters, both times the root of the weight;
-    scale: of the robust loss, inf for plain squares; groups (n,): number of the curve.
+    scale: of the robust loss, of all or (n,), inf for plain squares; groups (n,): number of the curve;
+    weight (n,): of each point, all alike without.
 
-    Covariance s^2 (J^T J)^-1 with s^2 of an M-estimate (P. J. Huber, Robust Statistics, 1981,
-    ch. 7), sum(psi^2)/(n - p)/mean(psi')^2.  Where neighbouring residuals of a curve go together
-    (correlation c), the points count as n (1 - c)/(1 + c) independent ones: a model that bends
-    differently from the measurement leaves such a pattern, and its parameters are less certain than
-    the scatter says.  Singular directions count as unknown (infinite).
+    Covariance s^2 (J^T J)^-1 (J^T W J) (J^T J)^-1, W the weights over their mean: points are equally
+    certain, whatever they weigh (P. J. Huber, Proc. Fifth Berkeley Symp. 1 (1967) 221).  s^2 is that of an
+    M-estimate (P. J. Huber, Robust Statistics, 1981, ch. 7), sum(psi^2)/(n - p)/mean(psi')^2.  Where
+    neighbouring residuals of a curve go together (correlation c), the points count as n (1 - c)/(1 + c)
+    independent ones: a model that bends differently from the measurement leaves such a pattern, and its
+    parameters are less certain than the scatter says.  Singular directions count as unknown (infinite).
     """
     n, p = jacobian.shape
     w = soft(residual, scale)
     psi = w * residual
-    slope = np.mean(w**3) if np.isfinite(scale) else 1.0
+    slope = np.mean(w**3)
     freedom = n - p
     if freedom < 1:
         raise InputError("measured points", n, f"must be more than the {p} free parameters")
@@ -79,6 +92,7 @@ def spread(values, residual, jacobian, scale, groups):
     together = min(max(pattern, 0.0), 0.95)
     inflation = (1.0 + together) / (1.0 - together)
     s2 = inflation * float(psi @ psi) / freedom / slope**2
+    weight = np.ones(n) if weight is None else weight / weight.mean()
     size = np.linalg.norm(jacobian, axis=0)
     seen = size > 0
     covariance = np.full((p, p), 0.0)
@@ -88,6 +102,7 @@ def spread(values, residual, jacobian, scale, groups):
         _, singular, right = np.linalg.svd(j, full_matrices=False)
         if singular[-1] > 1e-10 * singular[0]:
             inner = (right.T / singular**2) @ right
+            inner = inner @ (j.T @ (weight[:, None] * j)) @ inner
             covariance[np.ix_(seen, seen)] = s2 * inner / np.outer(size[seen], size[seen])
     error = np.sqrt(np.diag(covariance))
     finite = np.isfinite(error) & (error > 0)
@@ -96,7 +111,12 @@ def spread(values, residual, jacobian, scale, groups):
     correlation[both] = covariance[both] / np.outer(error[finite], error[finite])
     factor = float(stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE))
     interval = np.stack([values - factor * error, values + factor * error], axis=1)
-    information = jacobian.T @ jacobian / s2 if s2 > 0 else np.full((p, p), np.inf)
+    information = jacobian.T @ jacobian
+    if np.ptp(weight) > 0.0:
+        scaled = jacobian / np.where(seen, size, 1.0)
+        known, meat = scaled.T @ scaled, scaled.T @ (weight[:, None] * scaled)
+        information = known @ np.linalg.pinv(meat, 1e-12, True) @ known * np.outer(size, size)
+    information = information / s2 if s2 > 0 else np.full((p, p), np.inf)
     return Spread(covariance, information, correlation, error, interval, factor, freedom, pattern)
 
 

@@ -8,8 +8,8 @@
 >>> [round(found[name].kes_value, 9) for name in ("LT", "RT", "EMT")]
 [0.666666667, 75.0, 10.0]
 
-Three functions take the arrays of a test in SI, as they stand in a result file or come from
-:func:`knitsim.measured.yarn_curve.read_curve`: :func:`tension`, :func:`bending` and
+Three functions take the arrays of a test in SI, as they stand in a result file or in a measured test,
+:func:`knitsim.measured.read.read_measured`: :func:`tension`, :func:`bending` and
 :func:`shear`; ``tension_of``, ``bending_of`` and ``shear_of`` take single passes, which may also be
 functions (:class:`FunctionPass`).  Each gives an :class:`Evaluation`: parameters in SI and gf units
 with the definition used and an error estimate, and the reason for each parameter left out.  Nothing

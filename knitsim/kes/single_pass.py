@@ -30,8 +30,8 @@ from knitsim.kes.read import (
     every_other,
     interpolant,
 )
+from knitsim.measured.course import TURN, turns
 
-TURN = 0.05  # part of the whole range by which a test goes back where it turns; less is a fault
 ROUNDING = 1e-9  # relative; an end this close counts as reached
 _BRACKETS = 2001  # points at which a function is searched for a crossing
 
@@ -225,31 +225,6 @@ def refuse_turns(x, index, rising, names, source):
             f" {'rising' if rising else 'falling'} pass (a test turns where it goes back by"
             f" {TURN:.0%} of its range or more)",
         )
-
-
-def turns(x):
-    """Indices of the last point of each pass of a whole test, the last point of all included.
-
-    x: (n,).  A pass ends at the extreme from which x then goes back by the part TURN of its range;
-    of equal extremes at the first.
-    """
-    least = TURN * (x.max() - x.min())
-    ends, way, low, high = [], 0, 0, 0
-    for i in range(x.size):
-        # low and high: extremes since the last turn, the later of which ends the pass.
-        if x[i] > x[high]:
-            high = i
-        if x[i] < x[low]:
-            low = i
-        if way >= 0 and x[high] - x[i] >= least and x[high] > x[i]:
-            if way > 0:
-                ends.append(high)
-            way, low, high = -1, i, i
-        elif way <= 0 and x[i] - x[low] >= least and x[i] > x[low]:
-            if way < 0:
-                ends.append(low)
-            way, low, high = 1, i, i
-    return [*ends, x.size - 1]
 
 
 def runs_of(x, index, names, source):

@@ -5,12 +5,13 @@ import xarray as xr
 
 from knitsim.equilibrium.bend import TIGHTEST
 from knitsim.errors import ComputationError, InputError
-from knitsim.inference.bending_points import Bending
+from knitsim.inference.bending_points import BendingPoints
 from knitsim.inference.calibrate import FLOOR, Parameter, Problem, fit
 from knitsim.inference.continuation import value_of
-from knitsim.inference.curve_points import Tension, pull_of, tension_points
+from knitsim.inference.curve_points import pull_of, tension_points
 from knitsim.inference.predict import Predictor
-from knitsim.measured.fabric_curve import LOADING, read_measured
+from knitsim.measured.read import measured_test
+from knitsim.measured.test import zero_at
 from knitsim.stages.equilibrium import resolution_of, solver_fabric
 from knitsim.store.timing import Timings
 from knitsim.store.writer import describe, to_json
@@ -28,42 +29,15 @@ BANDS = {True: "numerical error only", False: "95 %, fit and numerical error"}  
 KNIT_FORCE = to_si(50.0, "gf_per_cm")
 
 
-def tension_of(name, measured):
-    """The evaluation's Tension of a MeasuredTension: loading points above the pretension and their
-    recovery; points without strain, or below zero force, say nothing and are left out."""
-    force, strain = measured.force_per_width, measured.strain
-    loading = measured.phase == LOADING
-    top = force[loading].max()
-    keep = np.where(loading, (force > measured.pretension) & (strain > 0.0), force >= 0.0)
-    keep &= force <= top
-    band = {}
-    if measured.low is not None and (measured.low < measured.high)[keep].all():
-        band = {"low": measured.low[keep], "high": measured.high[keep]}
-    return Tension(
-        name, measured.direction, force[keep], strain[keep], phase=measured.phase[keep],
-        pretension=measured.pretension, **band,
-    ), keep  # fmt: skip
-
-
-def curve_of(name, measured):
-    """The evaluation's Tension or Bending of a MeasuredTension or MeasuredBending."""
-    if measured.test == "bending":
-        return Bending(
-            name, measured.direction, measured.curvature, measured.moment_per_width,
-            cycle=measured.cycle,
-        )  # fmt: skip
-    return tension_of(name, measured)[0]
-
-
 def asked_of(fabric, measured):
     """(forces (n,) N/m, curvatures of one side (m,) 1/m) at which tests are predicted.
 
-    measured: {name: MeasuredTension or MeasuredBending}; their pretensions are among the forces.
+    measured: {name: MeasuredTest}; their pretensions are among the forces.
     """
     wanted = fabric["prediction"] or {}
     top = wanted.get("to_force")
     if top is None:
-        largest = [m.force_per_width.max() for m in measured.values() if m.test == "tension"]
+        largest = [m.y.max() for m in measured.values() if m.kind == "tension"]
         top = max([KNIT_FORCE, *largest])
     states = wanted.get("states", _default("states"))
     curvature = wanted.get("max_curvature", to_si(_default("max_curvature_per_cm"), "per_cm"))
@@ -77,7 +51,7 @@ def _pretensions(measured):
     """{direction: pretension (N/m)} from which its strain is predicted: the largest of its curves."""
     found = {}
     for one in measured.values():
-        if one.test == "tension" and one.pretension > found.get(one.direction, 0.0):
+        if one.kind == "tension" and one.pretension > found.get(one.direction, 0.0):
             found[one.direction] = one.pretension
     return found
 
@@ -86,14 +60,14 @@ def _default(key):
     return FABRIC.section("prediction").key(key).default
 
 
-def problem_of(fabric, name, built, curves):
-    """The evaluation's Problem of the calibration ``name``; built: its equilibrium Fabric; curves:
-    {name: Tension or Bending} of all measured curves."""
+def problem_of(fabric, name, built, measured):
+    """The Problem of the calibration ``name``; built: its equilibrium Fabric; measured: {name:
+    MeasuredTest} of all measured curves."""
     entry = fabric["calibrations"][name]
     return Problem(
         built,
         [Parameter(p.name, p.low, p.high, _inside(p)) for p in free_of(fabric, name)],
-        [curves[curve] for curve in entry["fit"]],
+        [measured[curve] for curve in entry["fit"]],
         kind=entry["residual"], misfit=entry["misfit"], resolution=resolution_of(fabric),
     )  # fmt: skip
 
@@ -149,19 +123,22 @@ def _fit_dataset(found):
     return xr.Dataset(data, coords)
 
 
-def _curve_dataset(measured, curves, models, fitted):
+def _curve_dataset(measured, models, fitted, pretensions):
     """The measured curves beside the model's values at their points.
 
-    models: {name: (value, low, high), (n,) each, or None}; the band of bending tests only.
+    measured: {name: MeasuredTest}, of tension as fits see it; models: {name: (value, low, high), (n,)
+    each, or None}; the band of bending tests only.  pretensions: {direction: force per width (N/m)} from
+    which predicted strain counts.
     """
     names = list(measured)
-    size = max((curves[name].size for name in names), default=0)
-    shape = (len(names), size)
+    bent = {name: BendingPoints(one) for name, one in measured.items() if one.kind == "bending"}
+    sizes = {name: len(bent[name].at) if name in bent else len(measured[name]) for name in names}
+    shape = (len(names), max(sizes.values(), default=0))
+    of_strain = ("strain", "strain_low", "strain_high", "transverse_strain")
     fields = (
-        "measured_strain", "measured_strain_low", "measured_strain_high",
-        "measured_force_per_width", "measured_transverse_strain", "model_strain",
-        "measured_curvature", "measured_moment_per_width", "model_moment_per_width",
-        "model_moment_per_width_low", "model_moment_per_width_high",
+        *(f"measured_{field}" for field in of_strain), *(f"shifted_{field}" for field in of_strain),
+        "measured_force_per_width", "model_strain", "measured_curvature", "measured_moment_per_width",
+        "model_moment_per_width", "model_moment_per_width_low", "model_moment_per_width_high",
     )  # fmt: skip
     data = {field: np.full(shape, np.nan) for field in fields}
     phase = np.zeros(shape, dtype=np.int8)
@@ -170,23 +147,22 @@ def _curve_dataset(measured, curves, models, fitted):
         for field in ("misfit_rms", "misfit_mean", "misfit_largest", "share_in_band", "pretension")
     }
     for k, name in enumerate(names):
-        one, own = curves[name], slice(None, curves[name].size)
-        model = models[name]
-        if isinstance(one, Bending):
-            data["measured_curvature"][k, own] = one.at
-            data["measured_moment_per_width"][k, own] = given = one.change
-            field = "model_moment_per_width"
+        one, own, model = measured[name], slice(None, sizes[name]), models[name]
+        if name in bent:
+            data["measured_curvature"][k, own] = bent[name].at
+            data["measured_moment_per_width"][k, own] = given = bent[name].change
+            field, weight = "model_moment_per_width", None
         else:
-            data["measured_strain"][k, own] = given = one.strain
-            data["measured_force_per_width"][k, own] = one.force_per_width
-            phase[k, own] = one.phase
-            numbers["pretension"][k] = one.pretension
-            if one.low is not None:
-                data["measured_strain_low"][k, own] = one.low
-                data["measured_strain_high"][k, own] = one.high
-            lateral = measured[name].lateral_strain
-            if lateral is not None:
-                data["measured_transverse_strain"][k, own] = lateral[kept_of(name, measured[name])]
+            given, weight = one["strain"], one.weight
+            phase[k, own], numbers["pretension"][k] = one.phase, one.pretension
+            data["measured_force_per_width"][k, own] = one["force_per_width"]
+            shifted = _shifted(one, pretensions.get(one.direction, 0.0))
+            for part, test in (("measured", one), ("shifted", shifted)):
+                data[f"{part}_strain"][k, own] = test["strain"]
+                if "lateral_strain" in test:
+                    data[f"{part}_transverse_strain"][k, own] = test["lateral_strain"]
+                for end, band in zip(("low", "high"), test.band or (), strict=False):
+                    data[f"{part}_strain_{end}"][k, own] = band
             field = "model_strain"
         if model is None:
             continue
@@ -199,28 +175,39 @@ def _curve_dataset(measured, curves, models, fitted):
             np.abs(given), FLOOR * np.abs(given).max()
         )
         relative = (model - given) / divisor
-        numbers["misfit_rms"][k] = np.sqrt(np.mean(relative**2))
-        numbers["misfit_mean"][k] = relative.mean()
+        numbers["misfit_rms"][k] = np.sqrt(np.average(relative**2, weights=weight))
+        numbers["misfit_mean"][k] = np.average(relative, weights=weight)
         numbers["misfit_largest"][k] = np.abs(relative).max()
-        if not isinstance(one, Bending) and one.low is not None:
-            numbers["share_in_band"][k] = np.mean((one.low <= model) & (model <= one.high))
+        if name not in bent and one.band is not None:
+            low, high = one.band
+            numbers["share_in_band"][k] = np.average(
+                (low <= model) & (model <= high), weights=weight
+            )
     variables = {field: (("curve", "sample"), values) for field, values in data.items()}
     variables |= {field: ("curve", values) for field, values in numbers.items()}
     variables["measured_phase"] = (("curve", "sample"), phase)
     roles = ["fitted" if name in fitted else "predicted" for name in names]
     words = {
         "curve": names,
-        "curve_test": [m.test for m in measured.values()],
+        "curve_test": [m.kind for m in measured.values()],
         "curve_direction": [m.direction for m in measured.values()],
         "curve_role": roles,
     }
     coords = {key: ("curve", np.array(value, dtype=object)) for key, value in words.items()}
-    return xr.Dataset(variables, {**coords, "sample": np.arange(size)})
+    return xr.Dataset(variables, {**coords, "sample": np.arange(shape[1])})
 
 
-def kept_of(name, measured):
-    """Numbers of the points of a MeasuredTension that are compared."""
-    return np.flatnonzero(tension_of(name, measured)[1])
+def _shifted(test, pretension):
+    """A tension test with its strain counted from ``pretension`` (N/m), if that is above its own."""
+    if pretension <= test.pretension:
+        return test
+    own, force = test.loading, test["force_per_width"]
+    zero = zero_at(pretension, force[own], test["strain"][own], test.pretension)
+    across = test.values.get("lateral_strain")
+    if across is not None:
+        known = own & np.isfinite(across)
+        across = zero_at(pretension, force[known], across[known], test.pretension)
+    return test.counted_from(zero, across)
 
 
 def _prediction_dataset(fabric, predictor, forces, half, pretensions):
@@ -303,18 +290,18 @@ def tightest(relaxed):
     return ROOM * TIGHTEST / half
 
 
-def _model_points(curve, predictor):
-    """(values, notes): the model's values, and for bending their band, at a measured curve's
-    points; None where they are not reached."""
+def _model_points(test, predictor):
+    """(values, notes): the model's values, and for bending their band, at a measured test's points; None
+    where they are not reached."""
     try:
-        if isinstance(curve, Bending):
-            found = predictor.measured_bending(curve)
+        if test.kind == "bending":
+            found = predictor.measured_bending(BendingPoints(test))
             one = found.quantities["moment_change"]
-            return (one.value, one.low, one.high), [f"{curve.name}: {n}" for n in found.notes]
-        pulled = pull_of(curve, predictor.rest, "strain")
-        return (tension_points(curve, pulled, "strain"),), []
+            return (one.value, one.low, one.high), [f"{test.name}: {n}" for n in found.notes]
+        pulled = pull_of(test, predictor.rest, "strain")
+        return (tension_points(test, pulled, "strain"),), []
     except (ComputationError, InputError) as error:
-        return None, [f"{curve.name}: {error}"]
+        return None, [f"{test.name}: {error}"]
 
 
 def run(fabric, laws, name):
@@ -324,38 +311,35 @@ def run(fabric, laws, name):
     reaches the measured points.
     """
     timings = Timings(STAGE, fabric.name)
-    measured = {key: read_measured(fabric, key) for key in fabric["measured"]}
-    curves = {key: curve_of(key, m) for key, m in measured.items()}
+    measured = {key: measured_test(fabric, key) for key in fabric["measured"]}
+    records = {key: test.record() for key, test in measured.items()}
+    asked = asked_of(fabric, measured)
+    measured = {key: m.to_fit() if m.kind == "tension" else m for key, m in measured.items()}
     built = solver_fabric(fabric, laws["continuous"], friction=True)
     found, notes, warnings = None, [], []
     if name == GIVEN:
         predictor = Predictor(built, resolution=resolution_of(fabric))
     else:
-        problem = problem_of(fabric, name, built, curves)
+        problem = problem_of(fabric, name, built, measured)
         with timings.measure(f"{name}: fit of {', '.join(problem.names)}, with profiles"):
             found = fit(problem)
         predictor = Predictor(calibration=found)
         notes, warnings = list(found.notes), list(found.warnings)
     fitted = () if name == GIVEN else fabric["calibrations"][name]["fit"]
     models = {}
-    for key, curve in curves.items():
-        models[key], more = _model_points(curve, predictor)
+    for key, test in measured.items():
+        models[key], more = _model_points(test, predictor)
         notes += more
     with timings.measure(f"{name}: prediction of all tests"):
-        predicted, more = _prediction_dataset(
-            fabric, predictor, *asked_of(fabric, measured), _pretensions(measured)
-        )
+        predicted, more = _prediction_dataset(fabric, predictor, *asked, _pretensions(measured))
+    curves = _curve_dataset(measured, models, fitted, _pretensions(measured))
     dataset = xr.merge(
-        [_fit_dataset(found), _curve_dataset(measured, curves, models, fitted), predicted],
-        join="exact",
-    )
+        [_fit_dataset(found), curves, predicted], join="exact",
+    )  # fmt: skip
     dataset.attrs["band_covers"] = BANDS[name == GIVEN]
     dataset.attrs["warnings"] = to_json(warnings)
     dataset.attrs["notes"] = to_json([*notes, *more])
-    dataset.attrs["corrections"] = to_json(
-        {key: list(m.corrections) for key, m in measured.items() if m.corrections}
-    )
-    dataset.attrs["measured_sources"] = to_json({key: m.comments for key, m in measured.items()})
+    dataset.attrs["measured_tests"] = to_json(records)
     references = ("munden", "singal") if fabric.yarn["core_law"] else ("munden",)
     config = config_of(fabric, name)
     what = (

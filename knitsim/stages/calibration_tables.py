@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from knitsim.measured.fabric_curve import LOADING, from_pretension, loading_at, zero_at
+from knitsim.measured.test import LOADING, loading_at
 from knitsim.store.timing import write_csv
 from knitsim.study.measured_keys import GIVEN
 
@@ -166,15 +166,11 @@ def _beside(predicted, quantity, at, value):
             "tension", str(predicted.direction.values),
         ):  # fmt: skip
             continue
-        force, strain = one.measured_force_per_width.values, one[f"measured_{quantity}"].values
+        force, strain = one.measured_force_per_width.values, one[f"shifted_{quantity}"].values
         own = np.isfinite(strain) & (one.measured_phase.values == LOADING)
         if not own.any():
             continue
-        force, strain = force[own], strain[own]
-        measured = float(loading_at(at, force, strain))
-        if pretension > float(one.pretension):
-            zero = zero_at(pretension, force, strain, float(one.pretension))
-            measured = from_pretension(measured, zero)
+        measured = float(loading_at(at, force[own], strain[own]))
         if np.isfinite(measured) and measured:
             fitted = str(one.curve_role.values) == "fitted"
             found[name] = measured, value / measured - 1.0, fitted

@@ -1,7 +1,7 @@
 """The checks of a study that need the models: does every yarn, loop and fabric exist."""
 
 from knitsim.equilibrium.relax import check_start
-from knitsim.measured.fabric_curve import read_measured
+from knitsim.measured.read import measured_test
 from knitsim.stages.equilibrium import named_by_key, resolution_of, solver_fabric
 from knitsim.stages.laws import calibration_of, laws_of
 from knitsim.stages.loop import loop_of
@@ -20,7 +20,7 @@ def check_study(study):
         laws[yarn.name] = laws_of(yarn, calibration_of(yarn))["continuous"]
     for fabric in study.fabrics.values():
         for name in fabric["measured"]:
-            read_measured(fabric, name)
+            measured_test(fabric, name)
         if fabric.scene.needs_loop:
             loop_of(fabric)
         if fabric.scene["equilibrium_rest"] is not None:

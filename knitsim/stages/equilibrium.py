@@ -11,13 +11,14 @@ from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.pull import FRICTION_INCREMENT
 from knitsim.equilibrium.to_accuracy import Settings, settings_for
 from knitsim.errors import InputError
+from knitsim.measured.read import read_entry
 from knitsim.stages.laws import calibration_of, laws_of
 from knitsim.stages.needs import cell_of
 from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES, VARIABLES
 from knitsim.store.tensile import stack_variants
 from knitsim.store.writer import to_json
 from knitsim.study.contact_keys import stated_contact
-from knitsim.yarn.compression import fit_barrier_file
+from knitsim.yarn.compression import fit_barrier_test
 
 _STATES = VARIABLES["status"].flags
 
@@ -26,8 +27,9 @@ def contact_of(yarn):
     """Contact law of a YarnInput: a core law, a calibrated stiffness or the stated one."""
     if (stated := stated_contact(yarn)) is not None:
         return stated
-    if yarn.compression_path is not None:
-        return BarrierContact(fit_barrier_file(yarn.compression_path, yarn["diameter"]).stiffness)
+    if yarn["compression_curve"] is not None:
+        test = read_entry(yarn["compression_curve"], yarn.compression_paths, "yarn_compression")
+        return BarrierContact(fit_barrier_test(test, yarn["diameter"]).stiffness)
     return BarrierContact(yarn["compression_stiffness"])
 
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from knitsim.yarn.calibration import calibrate_file
+from knitsim.measured.read import read_entry
+from knitsim.yarn.calibration import calibrate_test
 from knitsim.yarn.law import TensionLaw, bilinear, secant
 
 FORMS = ("continuous", "printed")
@@ -34,10 +35,13 @@ def calibration_of(yarn):
     """The Calibration from the yarn's measured curve, or None."""
     if yarn["tension_curve"] is None:
         return None
-    return calibrate_file(
-        yarn.curve_path, yarn["tension_curve.kind"],
-        gauge_length=yarn["tension_curve.gauge_length"], linear_density=yarn["linear_density"],
-    )  # fmt: skip
+    test = read_entry(
+        yarn["tension_curve"],
+        yarn.curve_paths,
+        "yarn_tension",
+        linear_density=yarn["linear_density"],
+    )
+    return calibrate_test(test, yarn["tension_curve.kind"])
 
 
 def laws_of(yarn, calibration):

@@ -18,6 +18,7 @@ from knitsim.stages.ledger import effect_dataset
 from knitsim.store.schema import PHASES
 from knitsim.store.tensile import stack_variants
 from knitsim.store.timing import Timings
+from knitsim.store.writer import to_json
 from knitsim.study.schema import closure
 from knitsim.yarn.law import TensionLaw
 from knitsim.yarn.packing import pack
@@ -205,6 +206,7 @@ def run(yarn):
     if calibration is not None:
         dataset.attrs["calibration"] = calibration.statement
         dataset.attrs["calibration_source"] = calibration.source
+        dataset.attrs["measured_tests"] = to_json({"tension_curve": calibration.record})
     describe_stage(
         dataset, yarn, STAGE, title=f"Yarn {yarn.name}",
         summary="Tension law, fibre layout and simulated tensile test of the yarn.",

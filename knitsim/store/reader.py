@@ -6,6 +6,7 @@ import pandas as pd
 import xarray as xr
 
 from knitsim.errors import InputError
+from knitsim.store.table import read_table
 
 # Kinds of result files: how the path below the store's root spells its labels.
 _KINDS = {
@@ -100,7 +101,7 @@ def scalar_table(root="results"):
                     row["long_name"] = variable.attrs.get("long_name", "")
                     rows.append(row)
     for path in sorted((root / "tables").glob("*.csv")):
-        table = pd.read_csv(path)
+        table = read_table(path)
         if {"name", "value"} <= set(table.columns):
             rows.extend({"kind": f"table/{path.stem}", **row} for row in table.to_dict("records"))
     columns = ["kind", "yarn", "fabric", "model", "direction", "variant", "name", "value", "units"]

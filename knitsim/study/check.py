@@ -108,7 +108,7 @@ def check_name(name, where):
 def check_points(key, raw, where, sweeps):
     """Points of ``key`` from a plain value, a list (a sweep) or a mapping with ``assumed``."""
     assumption = {}
-    if isinstance(raw, dict):
+    if isinstance(raw, dict) and key.kind != "mapping":
         assumption = _assumption(key, raw, where)
         raw, where = raw["assumed"], f"{where}.assumed"
     is_sweep = isinstance(raw, list) and (not key.is_list or any(isinstance(v, list) for v in raw))
@@ -177,6 +177,20 @@ def check_value(key, value, where):
     if key.kind == "text":
         if not (isinstance(value, str) and value.strip()):
             raise InputError(where, shown(value), "must be text")
+        return value
+    if key.kind == "mapping":
+        if not isinstance(value, dict) or not value:
+            raise InputError(where, shown(value), "must be names and values, in braces")
+        for name, one in value.items():
+            if isinstance(one, bool) or not isinstance(one, (str, int)) or not str(one).strip():
+                raise InputError(f"{where}.{name}", shown(one), "must be text or a whole number")
+        return {str(name): one for name, one in value.items()}
+    if key.kind == "lines":
+        for line in value if isinstance(value, list) else [value]:
+            if isinstance(line, bool) or not isinstance(line, int) or line < 1:
+                raise InputError(
+                    where, shown(value), "must be a whole number from 1, or a list of them"
+                )
         return value
     if not isinstance(value, list):
         raise InputError(where, shown(value), "must be a list, in brackets")

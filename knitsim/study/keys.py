@@ -41,7 +41,8 @@ class Key:
 
     name: as in the file, with its unit.  quantity: its name inside, in SI; keys of one quantity are
     alternatives, and default, because and plausible are read from the first of them.
-    kind: number, integer, flag, choice, text, numbers, choices or words (lists).
+    kind: number, integer, flag, choice, text, numbers, choices or words (lists), mapping (names to text
+    or numbers), lines (how many first lines, or a list of line numbers).
     unit: a unit of knitsim.units, None if dimensionless.  allowed: an interval, in the key's unit.
     default: REQUIRED, None (may be left out), a value in the key's unit, or a rule: a function of
     the SI values resolved so far that returns the SI value.
@@ -75,7 +76,7 @@ class Key:
     @property
     def is_list(self):
         """Whether one value of the key is itself a list."""
-        return self.kind in ("numbers", "choices", "words")
+        return self.kind in ("numbers", "choices", "words", "lines")
 
     @property
     def stem(self):

@@ -93,10 +93,30 @@ def _bounds_key(name):
 
 
 # fmt: off
+# Where a measured curve stands, and what answers a question that its file leaves open.
+FILE_KEYS = (
+    Key("file", "file", "text", "File as the machine or Excel wrote it (CSV, text or .xlsx), relative "
+        "to the study or the directory above it, else to config/."),
+    Key("files", "files", "words", "Instead of it several files, one of each specimen: their mean counts, "
+        "and its spread as the band."),
+    Key("sheet", "sheet", "text", "Sheet of a workbook; without it that which holds a curve."),
+    Key("columns", "columns", "mapping", "Which column is what, where its heading does not say so: quantity "
+        "with unit, and the heading or the number of the column, `{extension_mm: Elongation, force_N: 3}`."),
+    Key("unit", "unit", "mapping", "Unit of a quantity, or of a heading, that states none or a wrong one: "
+        "`{force: gf, strain: percent}`."),
+    Key("skip", "skip", "lines", "Lines of the file to pass over: how many at its beginning, or a list of "
+        "line numbers."),
+    Key("decimal_sign", "decimal_sign", "choice", "Of a file whose numbers leave it open.",
+        choices=("comma", "point")),
+)
+ZERO_KEY = Key("zero", "zero", "choice", "Zero of the load cell. keep: the force is right as it stands. "
+    "start: what is read before the test is taken off. tail: what is read after the break. Without it a "
+    "force at no strain is asked about.", choices=("keep", "start", "tail"))
+
 MEASURED = Section(
     name="measured",
-    about="Measured curves of this fabric, each by a name of your own. What the file states in a "
-    "comment need not be stated here; what is stated here comes first.",
+    about="Measured curves of this fabric, each by a name of your own. What the file states need not be "
+    "stated here; what is stated here comes first.",
     stage=STAGE,
     named=True,
     keys=(
@@ -106,9 +126,7 @@ MEASURED = Section(
             default="tension"),
         Key("direction", "direction", "choice", "Direction pulled, or that becomes curved.",
             choices=("course", "wale"), default=REQUIRED),
-        Key("file", "file", "text", "CSV file, relative to the study or the "
-            "directory above it, else to config/.",
-            default=REQUIRED),
+        *FILE_KEYS,
         Key("gauge_length_mm", "gauge_length", "number", "Length of the specimen between the clamps.",
             unit="mm", allowed="(0, 1e5]"),
         Key("width_mm", "width", "number", "Width of the specimen, across the pull.", unit="mm",
@@ -117,8 +135,14 @@ MEASURED = Section(
             "set to zero.", unit="N_per_mm", allowed="(0, 1e3]"),
         Key("pretension_gf_per_cm", "pretension", "number", "The same.", unit="gf_per_cm",
             allowed="(0, 1e6]"),
-        Key("cycle", "cycle", "integer", "Which cycle of a bending test the file holds: friction "
-            "remembers those before.", allowed="[1, 10]", default=1),
+        Key("cycle", "cycle", "integer", "Which cycle of a file that holds several. Of a bending test in a "
+            "file of one cycle, which one of the test it is: friction remembers those before.",
+            allowed="[1, 100]", default=1),
+        ZERO_KEY,
+        Key("slack", "slack", "choice", "find: strain counts from where the specimen is taut, if it hung "
+            "slack. keep: as it stands. start: from the first row, if the extension was not zeroed.",
+            choices=("find", "keep", "start"),
+            default="find"),
         Key("machine_compliance_mm_per_N", "machine_compliance", "number", "Extension of the machine "
             "and its clamps per force, subtracted from the extension.", unit="mm_per_N",
             allowed="(0, 1e3]"),

@@ -10,7 +10,14 @@ import math
 from knitsim import units
 from knitsim.study.contact_keys import Live, barrier_key, law_sections
 from knitsim.study.keys import REQUIRED, Key, Section
-from knitsim.study.measured_keys import CALIBRATIONS, MEASURED, PREDICTION, SENSITIVITY
+from knitsim.study.measured_keys import (
+    CALIBRATIONS,
+    FILE_KEYS,
+    MEASURED,
+    PREDICTION,
+    SENSITIVITY,
+    ZERO_KEY,
+)
 
 # Stages of the work, and the stages whose input each needs as well.  Key.stages refers to these.
 STAGES = {
@@ -116,15 +123,14 @@ TENSION_CURVE = Section(
     "tension_law beside it is compared with it.",
     stage="law",
     keys=(
-        Key("file", "file", "text", "CSV file, relative to the study or the "
-            "directory above it, else to config/.",
-            default=REQUIRED),
+        *FILE_KEYS,
         Key("kind", "kind", "choice", "bilinear: softer beyond yield (filament yarn). two_slope: "
             "stiffer beyond the break (spun yarn, the paper's k3).",
             choices=("bilinear", "two_slope"), default=REQUIRED),
         Key("gauge_length_mm", "gauge_length", "number",
             "Length between the clamps, if the file gives extension and does not state it.",
             unit="mm", allowed="(0, 1e5]"),
+        ZERO_KEY,
     ),
 )
 
@@ -133,11 +139,7 @@ COMPRESSION_CURVE = Section(
     about="A measured force-thickness curve of two yarns of this kind crossed at right angles; the "
     "compression stiffness is calibrated from it.",
     stage="equilibrium",
-    keys=(
-        Key("file", "file", "text", "CSV file, relative to the study or the "
-            "directory above it, else to config/.",
-            default=REQUIRED),
-    ),
+    keys=FILE_KEYS,
 )
 
 YARN = Section(

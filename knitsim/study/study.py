@@ -167,23 +167,17 @@ class YarnInput(Resolved):
 
     def _check(self):
         check_yarn(self)
-        _ = self.curve_path, self.compression_path
-
-    def _file_of(self, section):
-        """Path of the curve that ``section`` names, or None.  Raises InputError if it is missing."""
-        if self[section] is None:
-            return None
-        return _found(self, f"{section}.file")
+        _ = self.curve_paths, self.compression_paths
 
     @property
-    def curve_path(self):
-        """Path of the measured tension curve, or None.  Raises InputError if there is no such file."""
-        return self._file_of("tension_curve")
+    def curve_paths(self):
+        """Paths of the measured tension curve, none without one.  Raises InputError for a missing file."""
+        return _files(self, "tension_curve")
 
     @property
-    def compression_path(self):
-        """Path of the measured compression curve, or None.  Raises InputError if it is missing."""
-        return self._file_of("compression_curve")
+    def compression_paths(self):
+        """Paths of the measured compression curve, likewise."""
+        return _files(self, "compression_curve")
 
     def assumptions(self):
         return super().assumptions() + _below("scene", self.scene)
@@ -223,9 +217,9 @@ class FabricInput(Resolved):
     def _check(self):
         check_fabric(self)
 
-    def measured_path(self, name):
-        """Path of the measured curve ``name``.  Raises InputError if there is no such file."""
-        return _found(self, f"measured.{name}.file")
+    def measured_paths(self, name):
+        """Paths of the measured curve ``name``.  Raises InputError for a missing file."""
+        return _files(self, f"measured.{name}")
 
     def assumptions(self):
         return (
@@ -284,14 +278,29 @@ def _with_value(resolved, own, parts, path, value):
     return other
 
 
-def _found(resolved, path):
-    """The file that the value at ``path`` names, in the first folder that has it."""
-    file, folders = resolved[path], resolved._folders
-    for folder in folders:
-        if (folder / file).is_file():
-            return folder / file
-    looked = ", ".join(dict.fromkeys(folder.as_posix() for folder in folders))
-    raise InputError(resolved.where(path), shown(file), f"no such file in {looked}")
+def _files(resolved, section):
+    """Paths of the files that a section of a measured curve names; [] without the section."""
+    if resolved[section] is None:
+        return []
+    one, several = resolved[f"{section}.file"], resolved[f"{section}.files"]
+    if (one is None) == (several is None):
+        right = (
+            "is missing; give file or files"
+            if one is None
+            else "stands beside file; keep one of them"
+        )
+        raise InputError(resolved.where(f"{section}.file{'s' * (one is not None)}"), None, right)
+    found = []
+    for file in several or [one]:
+        at = next(
+            (folder / file for folder in resolved._folders if (folder / file).is_file()), None
+        )
+        if at is None:
+            looked = ", ".join(dict.fromkeys(folder.as_posix() for folder in resolved._folders))
+            key = resolved.where(f"{section}.file{'s' * (one is None)}")
+            raise InputError(key, shown(file), f"no such file in {looked}")
+        found.append(at)
+    return found
 
 
 def _moved(part, row):
@@ -323,12 +332,15 @@ class Study:
 
     def __init__(self, path, yarns, fabrics, scenes):
         self.path, self.yarns, self.fabrics, self.scenes = path, yarns, fabrics, scenes
-        curves = [y.curve_path for y in yarns.values()] + [
-            y.compression_path for y in yarns.values()
+        curves = [path for y in yarns.values() for path in (*y.curve_paths, *y.compression_paths)]
+        curves += [
+            path
+            for f in fabrics.values()
+            for name in f["measured"]
+            for path in f.measured_paths(name)
         ]
-        curves += [f.measured_path(name) for f in fabrics.values() for name in f["measured"]]
         self.files = [path / f"{name}.yaml" for name in ("yarns", "fabrics", "scenes")]
-        self.files += list(dict.fromkeys(curve for curve in curves if curve is not None))
+        self.files += list(dict.fromkeys(curves))
 
     def assumptions(self):
         """The ledger of the study: one Assumption for each subject and key."""

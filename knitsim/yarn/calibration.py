@@ -17,9 +17,8 @@ from types import MappingProxyType
 import numpy as np
 
 from knitsim.errors import InputError
-from knitsim.measured.yarn_curve import read_yarn_curve
+from knitsim.measured.course import AFTER_BREAK, last_before_break, noise
 from knitsim.yarn import law, piecewise_fit
-from knitsim.yarn.breaking import last_before_break, noise
 
 # Names of first slope, second slope and kink, and whether the second line is the flatter one.
 KINDS = {
@@ -27,6 +26,7 @@ KINDS = {
     "two_slope": ("k_low", "k_high", "switch_strain", False),
 }
 LEAST_POINTS = 8
+MOST_POINTS = 2000  # of a measured curve; of longer ones the means of so many pieces
 # Largest systematic deviation, as a part of the largest force, that a verdict allows.
 GOOD, FAIR = 0.01, 0.02
 # Noise (rms, part of the largest force) above which no fit is called good.
@@ -65,7 +65,7 @@ class Calibration:
     ends before the yarn breaks (breaking_strain is then a lower bound).  rms_deviation,
     max_deviation and systematic_deviation are parts of the largest force; the last is what remains
     when the noise is averaged out.  verdict: good, fair or poor; statement: why.  strain, force,
-    fitted: the points used, (n,).
+    fitted: the points used, (n,).  record: of a measured test, what was recognised in its file.
     """
 
     kind: str
@@ -87,6 +87,7 @@ class Calibration:
     strain: np.ndarray
     force: np.ndarray
     fitted: np.ndarray
+    record: Mapping | None = None
 
     @property
     def paper_form(self):
@@ -102,23 +103,25 @@ class Calibration:
         return {name: self.estimates[key].value for name, key in names.items()}
 
 
-def calibrate_file(path, kind, *, gauge_length=None, linear_density=None, onset="auto"):
-    """:func:`calibrate` on the yarn curve in the CSV file at ``path``; see read_yarn_curve."""
-    curve = read_yarn_curve(
-        path,
-        gauge_length=gauge_length,
-        linear_density=linear_density,
-        least_points=LEAST_POINTS,
-    )
-    found = calibrate(curve["strain"], curve["force"], kind, source=str(path), onset=onset)
-    # Results must not depend on the directory; only refusals name all of the path.
-    return replace(found, source=curve.source)
+def calibrate_test(test, kind, *, onset="auto"):
+    """:func:`calibrate` on a measured yarn tension, a knitsim.measured.test.MeasuredTest.
+
+    Rows that stand closer in one part of the curve than in another count as the length of that part.
+    """
+    points = test.evened(MOST_POINTS)
+    found = calibrate(
+        points["strain"], points["force"], kind, source=test.source, onset=onset,
+        broke_below=test.broke_below,
+    )  # fmt: skip
+    cut = [last - first + 1 for first, last, why in test.left_out if why == AFTER_BREAK]
+    return replace(found, points_cut=sum(cut), record=test.record())
 
 
-def calibrate(strain, force, kind, *, source="curve", onset="auto"):
+def calibrate(strain, force, kind, *, source="curve", onset="auto", broke_below=None):
     """Fit ``kind`` (a key of KINDS) to a recorded curve by least squares; a Calibration.
 
-    strain, force (N): (n,), n >= 8, strain never falling.  Points from the break on are left out.
+    strain, force (N): (n,), n >= 8, strain never falling.  Points from the break on are left out;
+    broke_below: the strain of the first of them, inf without a break, where that is known already.
     onset: a key of piecewise_fit.ONSETS, or "auto" for the one that the data need.  Intervals are
     the t quantile times the standard error from the Jacobian, for independent errors of one size;
     with "auto" they cover the intervals of every onset that the data do not rule out.
@@ -126,7 +129,11 @@ def calibrate(strain, force, kind, *, source="curve", onset="auto"):
     Raises InputError if the curve is unfit for any law or shows no change of slope of this kind.
     """
     strain, force = _checked(strain, force, kind, source, onset)
-    last, break_seen = last_before_break(strain, force)
+    if broke_below is None:
+        last, break_seen = last_before_break(strain, force)
+        broke_below = float(strain[last + 1]) if break_seen else np.inf
+    else:
+        last, break_seen = strain.size - 1, bool(np.isfinite(broke_below))
     e, f = strain[: last + 1], force[: last + 1]
     if e.size < LEAST_POINTS:
         raise InputError(
@@ -165,7 +172,7 @@ def calibrate(strain, force, kind, *, source="curve", onset="auto"):
         estimates=MappingProxyType(estimates),
         onset=found.onset,
         breaking_strain=breaking,
-        breaking_strain_below=float(own[last + 1]) if break_seen else np.inf,
+        breaking_strain_below=float((broke_below - slack) / (1 + slack)),
         break_seen=break_seen,
         points_cut=int(strain.size - e.size),
         verdict=verdict,

@@ -17,7 +17,6 @@ import numpy as np
 from scipy.special import stdtrit
 
 from knitsim.errors import InputError
-from knitsim.measured.yarn_curve import read_curve
 
 LEAST_POINTS = 4
 
@@ -79,12 +78,9 @@ def fit_barrier(distance, force, diameter, where="compression"):
     return CompressionFit(stiffness, stiffness - error, stiffness + error, rms, force.size)
 
 
-def fit_barrier_file(path, diameter):
-    """:func:`fit_barrier` on the columns ``thickness`` and ``force`` of a CSV file.
+def fit_barrier_test(test, diameter):
+    """:func:`fit_barrier` on a measured yarn compression, a knitsim.measured.test.MeasuredTest.
 
     The thickness is that of two crossed yarns: the distance of their centre lines and one diameter.
     """
-    curve = read_curve(
-        path, ("thickness", "force"), not_negative=("thickness", "force"), least_points=LEAST_POINTS
-    )
-    return fit_barrier(curve["thickness"] - diameter, curve["force"], diameter, where=str(path))
+    return fit_barrier(test["thickness"] - diameter, test["force"], diameter, where=test.source)

@@ -101,7 +101,7 @@ def yarn_of(wildcards):
 
 
 def compression_of(wildcards):
-    return STUDY.fabrics[wildcards.fabric].yarn.compression_path or []
+    return STUDY.fabrics[wildcards.fabric].yarn.compression_paths
 
 
 def yarn_files():
@@ -173,7 +173,7 @@ def calibrated(fabric, on_request=False):
 
 def measured_curves(wildcards):
     fabric = STUDY.fabrics[wildcards.fabric]
-    return [fabric.measured_path(name) for name in fabric["measured"]]
+    return [path for name in fabric["measured"] for path in fabric.measured_paths(name)]
 
 
 def figures_of(fabric, target, on_request):

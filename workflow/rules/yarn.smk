@@ -3,7 +3,7 @@
 
 rule yarn:
     input:
-        curve=lambda wildcards: STUDY.yarns[wildcards.yarn].curve_path or [],
+        curve=lambda wildcards: STUDY.yarns[wildcards.yarn].curve_paths,
     output:
         result=results("yarn/{yarn}.nc"),
         timings=timings_of("yarn_{yarn}"),
