@@ -35,9 +35,10 @@ class Fabric:
     behind its curvature (N m), half the width of the yarn's own hysteresis loop.  tangential_ratio: stiffness
     of a contact along the yarns before they slide, over that across them where they first touch;
     stuck_ratio: how much stiffer the yarn bends before its fibres slide, over its bending rigidity.
-    pattern: of knit and purl; course_lengths: loop length of each course of the pattern over the mean,
-    empty where all are the same (yarn slides from stitch to stitch within a course, so that only the
-    length of a whole course counts).
+    spin: whether the yarn turns about itself as its shape changes: "held" (not at all, so that its set
+    keeps its direction) or "free" (without resistance).  pattern: of knit and purl; course_lengths: loop
+    length of each course of the pattern over the mean, empty where all are the same (yarn slides from
+    stitch to stitch within a course, so that only the length of a whole course counts).
 
     Raises InputError for values that make no sense.
     """
@@ -54,6 +55,7 @@ class Fabric:
     bending_hysteresis: float = 0.0
     tangential_ratio: float = 1.0
     stuck_ratio: float = 20.0
+    spin: str = "held"
     pattern: Pattern = JERSEY
     course_lengths: tuple = ()
 
@@ -67,6 +69,8 @@ class Fabric:
         _within("bending hysteresis", self.bending_hysteresis, 0.0, 1.0, " N m")
         _within("tangential ratio", self.tangential_ratio, 1e-3, 1e3)
         _within("stuck ratio", self.stuck_ratio, 1e-3, 1e6)
+        if self.spin not in ("held", "free"):
+            raise InputError("spin", self.spin, "must be held or free")
         if not isinstance(self.law, TensionLaw):
             raise InputError("law", self.law, "must be a TensionLaw")
         object.__setattr__(self, "pattern", Pattern.of(self.pattern))

@@ -144,6 +144,7 @@ def build_model(fabric, resolution=None, kept=None, sparse=None):
         scale,
         (),
         (),
+        (),
     )
     d = fabric.diameter
     control = Control(
@@ -168,17 +169,18 @@ def build_model(fabric, resolution=None, kept=None, sparse=None):
 
 def with_set(model, y):
     """The model whose yarn has taken the set fraction of its curvature in the state y."""
-    scene = model.scene
-    rod = scene.rod
-    x = cells.placed(model.cell.map, y)
-    at = x[rod.first[:, None] + np.arange(4)]
+    rod, fabric = model.scene.rod.copy(), model.fabric
+    at = cells.placed(model.cell.map, y)[rod.first[:, None] + np.arange(4)]
     v = np.einsum("ma,mak->mk", rod.d1, at)
     a = np.einsum("ma,mak->mk", rod.d2, at)
-    curvature = np.linalg.norm(np.cross(v, a), axis=1) / ((v**2).sum(1) * rod.span)
-    rounding = SET_ROUNDING * 2.0 * np.pi / model.fabric.loop_length
-    rod = rod.copy()
-    rod.rest, rod.rounding = model.fabric.set_fraction * curvature, rounding
-    return replace(model, scene=scene._replace(rod=rod), held=y)
+    speed = np.linalg.norm(v, axis=1)[:, None]
+    curvature = fabric.set_fraction * np.cross(v, a) / (speed**2 * rod.span[:, None])
+    if fabric.spin == "free":
+        rod.rest = np.linalg.norm(curvature, axis=1)
+        rod.rounding = SET_ROUNDING * 2.0 * np.pi / fabric.loop_length
+        return replace(model, scene=model.scene._replace(rod=rod), held=y)
+    rod.facing, rod.turning = v / speed, curvature
+    return replace(model, scene=model.scene._replace(rod=rod, spin=(1,)), held=y)
 
 
 def with_diameter(model, diameter):

@@ -42,7 +42,7 @@ def turned(couples, part, x):
     return turned
 
 
-def assemble(yarns, cylinders, contact, diameter, rounding):
+def assemble(yarns, cylinders, contact, diameter):
     """Scene, first control point of each yarn, columns of the supports, starting unknowns."""
     rows, start, supports, counter = [], [], {}, 0
     controls = [yarn.control() for yarn in yarns]
@@ -89,12 +89,12 @@ def assemble(yarns, cylinders, contact, diameter, rounding):
             for axis in range(3)
         ]
         counter += 3
-    map_ = to_map([row for own in rows for row in own], counter)
+    map_ = to_map([row for own in rows for point in own for row in point], counter)
     y = np.array([*start, *np.zeros(LATTICE)])
     law = contact.for_kernels(diameter) if contact else Law(0.0, 0.0, 0.0, ())
     scene = Scene(
         map_,
-        _rod(yarns, chain, rounding),
+        _rod(yarns, chain, controls),
         rounded_law(yarns[0].law),
         _touch(yarns, chain, diameter, contact is not None or bool(cylinders)),
         law,
@@ -102,6 +102,7 @@ def assemble(yarns, cylinders, contact, diameter, rounding):
         np.ones(len(y)),
         (),
         Fixtures(_cylinders(cylinders), _couples(yarns, chain)),
+        (1,) if any(yarn.rest_curvature is not None for yarn in yarns) else (),
     )
     return scene, chain, columns, y
 
@@ -114,9 +115,9 @@ def _sum(*terms):
     return total
 
 
-def _rod(yarns, chain, rounding):
+def _rod(yarns, chain, controls):
     parts = []
-    for yarn, first in zip(yarns, chain, strict=True):
+    for yarn, first, control in zip(yarns, chain, controls, strict=True):
         n = yarn.elements
         span = yarn.length / n
         place = np.tile(spline.GAUSS_POINTS, n)
@@ -124,19 +125,21 @@ def _rod(yarns, chain, rounding):
         rest = np.zeros(3 * n)
         if yarn.rest_curvature is not None:
             rest = np.asarray(yarn.rest_curvature((at + place) / n), dtype=float)
+        d1 = spline.basis_first(place)
+        facing = np.einsum("ma,mak->mk", d1, control[at[:, None] + np.arange(4)])
         parts.append(
             records(
                 ROD,
                 3 * n,
                 first=at + first,
                 d0=spline.basis(place),
-                d1=spline.basis_first(place),
+                d1=d1,
                 d2=spline.basis_second(place),
                 span=span,
                 weight=np.tile(spline.GAUSS_WEIGHTS, n) * span,
-                rest=rest,
                 stiffness=yarn.bending_rigidity,
-                rounding=rounding / min(yarn.length for yarn in yarns),
+                facing=facing / np.linalg.norm(facing, axis=1)[:, None],
+                turning=rest[:, None] * [0.0, 0.0, 1.0],
             )
         )
     return np.concatenate(parts).view(np.recarray)

@@ -40,7 +40,8 @@ from knitsim.errors import ComputationError, InputError
 from knitsim.yarn.law import TensionLaw
 
 TOLERANCE = 1e-9  # residual, of B/L^2 + the loads
-ROUND_OFF = 1e-14  # of the stretch stiffness: strains are not known better
+ROUND_OFF = 4e-16  # of the stiffness of an element and their number: forces are not known better
+LOCKED, LOCKING_ORDER = 2e-4, 6  # of the bending energy: stretch that is none; how fast it goes
 ITERATIONS = 400
 TRUST = 6
 CLEAR = 0.3  # of a contact distance: largest step
@@ -77,7 +78,8 @@ class OpenYarn:
     [0, 1] (m,) that gives the starting points (m, 3), straight along the course where None.  start,
     end: supports, None for a free end.  start_force, tip_force (3,): dead loads at the ends (N).
     couple: couple at the end (N m) about couple_axis.  weight (3,): dead load per length (N/m).
-    rest_curvature: magnitude of the rest curvature (1/m) as a function of t.  contacts: contact
+    rest_curvature: about the thickness axis (1/m), as a function of t, of a yarn that does not turn about
+    itself.  contacts: contact
     points per element.
     """
 
@@ -243,15 +245,13 @@ def solve_open(
     friction=0.0,
     sticking=1.0,
     steps=10,
-    rounding=1e-4,
     planar=None,
 ):
     """Bring the loads up and the supports to their places in ``steps``; an :class:`OpenState`.
 
     contact: BarrierContact or CoreContact between yarns of this diameter (m), None for none;
     friction: coefficient at all contacts; sticking: their stiffness along the yarns before they slide,
-    over that across them where they first touch; rounding: of |kappa| near zero where there is a
-    rest curvature, times 1/length.
+    over that across them where they first touch.
     All yarns share one tension law (that of the first).  planar: nothing moves along the thickness;
     where None, so if nothing in the scene points out of the plane.  (A yarn without torsional
     stiffness is not stable out of its plane under every load.)
@@ -261,7 +261,7 @@ def solve_open(
     yarns = tuple(yarns)
     if not yarns or any(y.law is not yarns[0].law for y in yarns):
         raise InputError("yarns", len(yarns), "must be one or more, all with the same law")
-    scene, chain, supports, y = assemble(yarns, cylinders, contact, diameter, rounding)
+    scene, chain, supports, y = assemble(yarns, cylinders, contact, diameter)
     own = min(supports.values(), default=len(y) - LATTICE)
     loads = loads_of(yarns, scene, chain)
     out = out_of_plane(scene, own)
@@ -272,7 +272,9 @@ def solve_open(
     longest = max(yarn.length for yarn in yarns)
     rigidity = max(yarn.bending_rigidity for yarn in yarns)
     tolerance = TOLERANCE * (rigidity / longest**2 + np.abs(loads).sum())
-    tolerance += ROUND_OFF * scene.stretch.stiffness
+    most = max(yarn.elements for yarn in yarns)
+    element = rigidity * (most / longest) ** 2
+    tolerance += ROUND_OFF * most * (scene.stretch.stiffness + element)
     # Whole steps through a cylinder or another yarn would end on its other side.
     cap = min(
         [0.5 * longest]
@@ -323,6 +325,7 @@ def solve_open(
             )
         memory, loss, _ = end_friction(scene, y, slip, memory, work)
         lost += loss
+    _check_locking(yarns, scene, work, y)
     return OpenState(
         yarns,
         scene,
@@ -336,3 +339,30 @@ def solve_open(
         residual,
         total,
     )
+
+
+def _check_locking(yarns, scene, work, y):
+    """Raises ComputationError where elements are too long for a yarn as stiff as this.
+
+    A nearly inextensible curve of few elements cannot bend without stretching: its strain then goes to and
+    fro within each element.  What this holds beyond the energy of the mean tension is no energy of the yarn.
+    """
+    expand(scene.map, y, work.x)
+    rod, x = scene.rod, work.x
+    v = np.einsum("ma,mak->mk", rod.d1, x[rod.first[:, None] + np.arange(4)])
+    strain = np.linalg.norm(v, axis=1) / rod.span - 1.0
+    element = strain.reshape(-1, 3)
+    mean = element @ spline.GAUSS_WEIGHTS
+    spurious = (
+        0.5
+        * scene.stretch.stiffness
+        * (rod.weight.reshape(-1, 3) * (element - mean[:, None]) ** 2).sum()
+    )
+    locked = spurious / work.terms[1] if work.terms[1] > 0.0 else 0.0
+    if locked > LOCKED:
+        most = max(yarn.elements for yarn in yarns)
+        needed = int(np.ceil(most * (locked / LOCKED) ** (1.0 / LOCKING_ORDER) * 1.1))
+        raise ComputationError(
+            f"open yarns: {most} elements are too few for a yarn as stiff as this, which cannot bend "
+            f"without stretching ({locked:.1e} of the energy): take {needed} or more"
+        )

@@ -127,9 +127,7 @@ def strut_case(distance, ends):
 def crimp_case(name, rest_angle, rest_curvature, pull):
     """A quarter wave of a crimped yarn under the tension p = T L^2/EI = ``pull``.
 
-    rest_angle, rest_curvature: of the quarter over its arc length (rad; rad per L).  The yarn's
-    bending energy knows the rest curvature's magnitude only, so these rest shapes are such that the
-    exact curvature keeps its sign.
+    rest_angle, rest_curvature: of the quarter over its arc length (rad; rad per L).
     """
     exact = exact_crimp.pull_crimped(rest_angle, pull)
     at_rest = exact_crimp.pull_crimped(rest_angle, 0.0).chord
@@ -144,7 +142,7 @@ def crimp_case(name, rest_angle, rest_curvature, pull):
             tip_force=(pull * _LOAD, 0.0, 0.0),
             rest_curvature=lambda t: rest_curvature(t) / LENGTH,
         )
-        state = solve_open([yarn], steps=_CRIMP_STEPS, rounding=1e-6)
+        state = solve_open([yarn], steps=_CRIMP_STEPS)
         chord = state.end(0)[0] / LENGTH
         return state, [Comparison("extension", chord / at_rest - 1.0, exact.extension, floor)]
 

@@ -27,13 +27,15 @@ MAP_ENTRY = np.dtype([("column", "i8"), ("value", "f8")], align=True)
 # Gauss point of the yarn's own energy.  first: first of the four control points; d0, d1, d2: the
 # basis and its derivatives by the parameter; span: reference length of a unit of the parameter (m);
 # weight: reference length that the point stands for, times the copies of the cell (m); rest: rest
-# curvature (1/m); stiffness: bending rigidity (N m2); rounding (1/m): kappa is taken as
-# sqrt(kappa^2 + rounding^2) where the rest curvature is not zero.
+# curvature (1/m) of a yarn that turns freely about itself; stiffness: bending rigidity (N m2); rounding
+# (1/m): kappa is taken as sqrt(kappa^2 + rounding^2) where that is not zero.  facing, turning: unit tangent
+# and rest curvature vector (1/m) of a yarn that does not turn about itself.
 ROD = np.dtype(
     [
         ("first", "i8"),
         *((name, "f8", 4) for name in ("d0", "d1", "d2")),
         *((name, "f8") for name in ("span", "weight", "rest", "stiffness", "rounding")),
+        *((name, "f8", 3) for name in ("facing", "turning")),
     ],
     align=True,
 )
@@ -169,7 +171,8 @@ class Scene(NamedTuple):
     rod (ROD): a table.  law: the contact law.
     load (y size): dead loads, the energy falls by load . y.  scale (y size): the residual of unknown i
     is |gradient_i| scale_i (N), the force on one control point or on L.  bend: Bend or ().
-    fixtures: Fixtures or ().
+    fixtures: Fixtures or ().  spin: () where the yarn turns freely about itself or has no rest curvature,
+    (1,) where it does not turn.
     """
 
     map: Map
@@ -181,6 +184,7 @@ class Scene(NamedTuple):
     scale: np.ndarray
     bend: Bend
     fixtures: Fixtures
+    spin: tuple
 
 
 class Bent(NamedTuple):

@@ -3,14 +3,20 @@
 With v = dr/du and A = d2r/du2, h the reference length of a unit of u, and a = v.v, b = v.A, c = A.A:
 strain = sqrt(a)/h - 1, and kappa^2 = (a c - b^2)/(a h)^2 is the squared turning of the tangent per
 reference length.  The energy per reference length is W(strain) + B/2 kappa^2, or with a rest
-curvature B/2 (sqrt(kappa^2 + rounding^2) - rest)^2; torsion is left out.
+curvature B/2 (sqrt(kappa^2 + rounding^2) - rest)^2, of a yarn that turns freely about itself: without
+torsional stiffness its rest curvature always lies along its curvature.
+
+A yarn that does not turn about itself keeps the direction of its rest curvature.  With the unit tangent t0
+and the rest curvature vector c that it had when it took its set, and R the least rotation from t0 to the
+tangent t, the energy is B/2 |b - R c|^2, b = v x w/(a h) being the curvature vector.  For planar scenes
+that is the signed curvature.  Torsional stiffness itself is left out.
 """
 
 import math
 
 import numpy as np
 
-from knitsim.jit import njit
+from knitsim.jit import choose, njit
 
 
 @njit
@@ -102,6 +108,86 @@ def yarn_point(point, stretch, v, w, order, form, tangent, terms):
 
 
 @njit
+def locked_point(point, facing, turning, v, w, order, form, tangent, terms):
+    """Add what the rest curvature of a yarn that does not turn does, to yarn_point's with none.
+
+    facing, turning: t0 and c in the frame of v and w.  B (c.c/2 - G) per length, with G = b.R c =
+    [(v x w).c - (v.c) (v x w).t0/D]/(a h), D = |v| + v.t0.
+    """
+    a = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+    norm, h = math.sqrt(a), point.span
+    cc = s = d = 0.0
+    for i in range(3):
+        cc += turning[i] * turning[i]
+        s += v[i] * turning[i]
+        d += v[i] * facing[i]
+    d += norm
+    # Gradients by (v, w): of P = (v x w).c, Q = (v x w).t0, R = s Q/d, and of G.
+    of_p, of_q, of_s, of_d = np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6)
+    p = q = 0.0
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        p += (v[i] * w[j] - v[j] * w[i]) * turning[k]
+        q += (v[i] * w[j] - v[j] * w[i]) * facing[k]
+        of_p[i], of_p[3 + i] = (
+            w[j] * turning[k] - w[k] * turning[j],
+            turning[j] * v[k] - turning[k] * v[j],
+        )
+        of_q[i], of_q[3 + i] = (
+            w[j] * facing[k] - w[k] * facing[j],
+            facing[j] * v[k] - facing[k] * v[j],
+        )
+        of_s[i], of_d[i] = turning[i], v[i] / norm + facing[i]
+    r, area = s * q / d, a * h
+    g = (p - r) / area
+    factor = point.weight * point.stiffness
+    terms[1] += factor * (0.5 * cc - g)
+    if order == 0:
+        return
+    of_r, of_g = np.empty(6), np.empty(6)
+    for i in range(6):
+        of_r[i] = (of_s[i] * q + s * of_q[i] - r * of_d[i]) / d
+        of_g[i] = (of_p[i] - of_r[i] - (g * 2.0 * h * v[i] if i < 3 else 0.0)) / area
+        form[i] -= factor * of_g[i]
+    if order < 2:
+        return
+    for i in range(6):
+        for j in range(6):
+            second = of_s[i] * of_q[j] + of_q[i] * of_s[j] - of_r[i] * of_d[j] - of_d[i] * of_r[j]
+            if i < 3 and j < 3:
+                same = 1.0 if i == j else 0.0
+                second -= r * (same - v[i] * v[j] / a) / norm
+                value = -second / d - 2.0 * h * (of_g[i] * v[j] + v[i] * of_g[j] + g * same)
+            else:
+                mixed = 0.0
+                if i < 3 <= j or j < 3 <= i:
+                    m, n = (i, j - 3) if i < 3 else (j, i - 3)
+                    k = 3 - m - n
+                    if m != n:
+                        sign = 1.0 if n == (m + 1) % 3 else -1.0
+                        mixed = sign * (turning[k] - s * facing[k] / d)
+                value = mixed - second / d
+                if i < 3:
+                    value -= 2.0 * h * v[i] * of_g[j]
+                if j < 3:
+                    value -= 2.0 * h * v[j] * of_g[i]
+            tangent[i, j] -= factor * value / area
+
+
+@njit
+def _locked(scene, point, v, w, order, form, tangent, terms):
+    locked_point(point, point.facing, point.turning, v, w, order, form, tangent, terms)
+
+
+@njit
+def _turning_freely(scene, point, v, w, order, form, tangent, terms):
+    """The rest curvature is in yarn_point already."""
+
+
+locked = choose("scene.spin", _locked, _turning_freely)
+
+
+@njit
 def derivatives_at(point, x):
     """First and second derivative of the centre line by the parameter at a Gauss point, two tuples."""
     f = point.first
@@ -150,6 +236,7 @@ def add_flat_yarn(scene, lattice, order, work):
     for point in scene.rod:
         v, w = derivatives_at(point, work.x)
         yarn_point(point, scene.stretch, v, w, order, form, tangent, work.terms)
+        locked(scene, point, v, w, order, form, tangent, work.terms)
         if order > 0:
             scatter(point, form, tangent, order, work.expanded, work.half)
 

@@ -15,7 +15,7 @@ from knitsim.equilibrium.kernels.contact import isotropic_plus, law_at, separati
 from knitsim.equilibrium.kernels.crossings import segments_crossing
 from knitsim.equilibrium.kernels.friction import across, slip_matrix, spring_at
 from knitsim.equilibrium.kernels.pairs import CHUNK, image_is_far
-from knitsim.equilibrium.kernels.yarn import derivatives_at, yarn_point
+from knitsim.equilibrium.kernels.yarn import derivatives_at, locked, yarn_point
 from knitsim.jit import njit
 
 
@@ -277,6 +277,7 @@ def add_yarn_blocks(scene, x, graph, parts):
         f = point.first
         v, w = derivatives_at(point, x)
         yarn_point(point, scene.stretch, v, w, np.int64(2), form, tangent, terms)
+        locked(scene, point, v, w, np.int64(2), form, tangent, terms)
         turn, turn2 = 0.0, 0.0
         for k in range(4):
             turn += point.d1[k] * graph.turn[f + k]
