@@ -163,10 +163,11 @@ class ContactLaw:
 
 
 def _table(law, diameter):
-    """Quintic polynomials between knots: TABLE, logarithm of the knots' ratio, rows of coefficients.
+    """Quintic polynomials between knots: TABLE, logarithm of the knots' ratio, a row a piece.
 
     The gap z = (D - core)/(diameter - core) runs from 1 down by RATIO a knot to DEEPEST; segment j
-    holds the six coefficients by u, 0 at its lower knot and 1 at its upper one.
+    holds the six coefficients by u, 0 at its lower knot and 1 at its upper one, and the first and second
+    integral by z from first touch down to its upper knot.
     """
     import numpy as np
     from scipy.interpolate import BPoly, PPoly, make_interp_spline
@@ -197,8 +198,16 @@ def _table(law, diameter):
             "its energy must be a smooth function of the distance that falls to zero, and with it "
             "its slope, at one diameter",
         )  # fmt: skip
-    coefficients = PPoly.from_bernstein_basis(pieces).c[::-1] * np.diff(z) ** np.arange(6)[:, None]
-    return np.concatenate([[TABLE, log], coefficients.T[::-1].ravel()])
+    h = np.diff(z)
+    coefficients = PPoly.from_bernstein_basis(pieces).c[::-1] * h ** np.arange(6)[:, None]
+    # Integrals from first touch down to the upper knot of each piece.
+    k = np.arange(6)[:, None]
+    whole = h * (coefficients / (k + 1.0)).sum(0)
+    again = h**2 * (coefficients / (k + 2.0)).sum(0)
+    first = np.append(np.cumsum(whole[::-1])[::-1][1:], 0.0)
+    second = np.append(np.cumsum((again + first * h)[::-1])[::-1][1:], 0.0)
+    table = np.vstack([coefficients, first, second])
+    return np.concatenate([[TABLE, log], table.T[::-1].ravel()])
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,8 @@ import math
 import numpy as np
 
 from knitsim.equilibrium.contact import CORE
+from knitsim.equilibrium.kernels.mean import THIN, mean_at
+from knitsim.equilibrium.kernels.pairs import touching
 from knitsim.equilibrium.kernels.records import LATTICE
 from knitsim.jit import choose, njit
 
@@ -55,7 +57,7 @@ law_at = choose("law.soft", soft_at, barrier_at)
 def table_at(z, table):
     """Energy and its first two derivatives by the gap z of a tabulated law; below the table: inf."""
     j = int(-math.log(z) / table[1])
-    if 2 + 6 * j >= table.size:
+    if 2 + 8 * j >= table.size:
         return math.inf, 0.0, 0.0
     low, high = math.exp(-(j + 1) * table[1]), math.exp(-j * table[1])
     h = high - low
@@ -63,7 +65,7 @@ def table_at(z, table):
     for k in range(5, -1, -1):
         second = second * u + 2.0 * first
         first = first * u + v
-        v = v * u + table[2 + 6 * j + k]
+        v = v * u + table[2 + 8 * j + k]
     return v, first / h, second / (h * h)
 
 
@@ -229,14 +231,18 @@ def add_own(points, i, own, mixed, half):
 def add_flat_contact(scene, lattice, listed, order, work):
     """Contact energy (J) of the listed pairs at the contact points in work; fills work.closest.
 
-    order 1 adds to work.expanded, order 2 also to work.half.
+    Each pair counts by the mean of the law over its cell (:mod:`.mean`).  order 1 adds to work.expanded,
+    order 2 also to work.half; of the Hessian that by the distance vectors alone, which lacks a few per
+    cent of the changes of the cells and leaves Newton's method next to quadratic.
     """
     touch, law, points = scene.touch, scene.law, work.points
     pairs, weight = listed.pairs, listed.weight
     size = weight.size if order > 0 else 0
     near, push = np.empty((size, 3), dtype=np.int64), np.empty((size, 9))
+    frame = np.zeros((points.shape[0] if size > 0 else 0, 6))
     energy, closest, count = 0.0, math.inf, 0
-    outside = law.diameter * law.diameter
+    outside = touching(scene) ** 2
+    least = THIN * law.diameter * (law.diameter - law.core)
     for j in range(weight.size):
         i, k, g = pairs[j, 0], pairs[j, 1], pairs[j, 2]
         x, y, z = separation(touch, points, lattice, (i, k, g))
@@ -244,17 +250,93 @@ def add_flat_contact(scene, lattice, listed, order, work):
         closest = min(closest, square)
         if square >= outside:
             continue
-        v, v1, v2 = law_at(square, law)
-        energy += weight[j] * v
+        s0, s1, s2 = touch.images[g].sign[0], touch.images[g].sign[1], touch.images[g].sign[2]
+        # e: steps along both yarns to the next contact point; c: change of these steps.
+        e0, e1, e2 = points[i, 3], points[i, 4], points[i, 5]
+        f0, f1, f2 = s0 * points[k, 3], s1 * points[k, 4], s2 * points[k, 5]
+        c0, c1, c2 = points[i, 6], points[i, 7], points[i, 8]
+        c0, c1, c2 = c0 - s0 * points[k, 6], c1 - s1 * points[k, 7], c2 - s2 * points[k, 8]
+        along, other = 2.0 * (x * e0 + y * e1 + z * e2), -2.0 * (x * f0 + y * f1 + z * f2)
+        lift = e0 * e0 + e1 * e1 + e2 * e2 + f0 * f0 + f1 * f1 + f2 * f2 + x * c0 + y * c1 + z * c2
+        a, b = math.sqrt(along * along + least * least), math.sqrt(other * other + least * least)
+        v, vq, va, vb, vqq, vqa, vqb, vaa, vab, vbb = mean_at(square + lift / 12.0, a, b, law)
+        if v == 0.0:
+            continue
+        w = weight[j]
+        energy += w * v
         if order == 0:
             continue
-        f, h = 2.0 * weight[j] * v1, 4.0 * weight[j] * v2
+        # By along and other; of their second derivatives what the rounding leaves.
+        ra, rb = along / a, other / b
+        va, vb = w * va * ra, w * vb * rb
+        f = 2.0 * w * vq
+        n = f / 24.0
+        push[count, 0] = f * x + n * c0 + 2.0 * (va * e0 - vb * f0)
+        push[count, 1] = f * y + n * c1 + 2.0 * (va * e1 - vb * f1)
+        push[count, 2] = f * z + n * c2 + 2.0 * (va * e2 - vb * f2)
         near[count, 0], near[count, 1], near[count, 2] = i, k, g
-        push[count, 0], push[count, 1], push[count, 2] = f * x, f * y, f * z
-        push[count, 3], push[count, 4], push[count, 5] = f + h * x * x, h * x * y, h * x * z
-        push[count, 6], push[count, 7], push[count, 8] = f + h * y * y, h * y * z, f + h * z * z
+        n4 = 4.0 * n
+        frame[i, 0] += 2.0 * va * x + n4 * e0
+        frame[i, 1] += 2.0 * va * y + n4 * e1
+        frame[i, 2] += 2.0 * va * z + n4 * e2
+        frame[i, 3] += n * x
+        frame[i, 4] += n * y
+        frame[i, 5] += n * z
+        frame[k, 0] += s0 * (n4 * f0 - 2.0 * vb * x)
+        frame[k, 1] += s1 * (n4 * f1 - 2.0 * vb * y)
+        frame[k, 2] += s2 * (n4 * f2 - 2.0 * vb * z)
+        frame[k, 3] -= s0 * n * x
+        frame[k, 4] -= s1 * n * y
+        frame[k, 5] -= s2 * n * z
+        if order == 2:
+            vqq, vqa, vqb = 4.0 * w * vqq, 4.0 * w * vqa * ra, 4.0 * w * vqb * rb
+            vaa, vab, vbb = 4.0 * w * vaa * ra * ra, 4.0 * w * vab * ra * rb, 4.0 * w * vbb * rb * rb
+            # (d, e, -f) with the matrix of second derivatives by q, along, other.
+            x1, y1, z1 = vqq * x + vqa * e0 - vqb * f0, vqq * y + vqa * e1 - vqb * f1, vqq * z + vqa * e2 - vqb * f2
+            xe, ye, ze = vqa * x + vaa * e0 - vab * f0, vqa * y + vaa * e1 - vab * f1, vqa * z + vaa * e2 - vab * f2
+            xf, yf, zf = vqb * x + vab * e0 - vbb * f0, vqb * y + vab * e1 - vbb * f1, vqb * z + vab * e2 - vbb * f2
+            push[count, 3] = f + x * x1 + e0 * xe - f0 * xf
+            push[count, 4] = x * y1 + e0 * ye - f0 * yf
+            push[count, 5] = x * z1 + e0 * ze - f0 * zf
+            push[count, 6] = f + y * y1 + e1 * ye - f1 * yf
+            push[count, 7] = y * z1 + e1 * ze - f1 * zf
+            push[count, 8] = f + z * z1 + e2 * ze - f2 * zf
         count += 1
     if count > 0:
         add_pushes(touch, near[:count], push[:count], order, work.expanded, work.half)
+        add_frames(touch, frame, work.expanded)
     work.closest[0] = closest
     return energy
+
+
+@njit
+def add_frames(touch, frame, gradient):
+    """Add to the gradient what contact points do by their derivatives; frame (m, 6): energies by these."""
+    for i in range(touch.points.size):
+        point = touch.points[i]
+        row = 3 * point.first
+        for a in range(4):
+            for axis in range(3):
+                gradient[row + 3 * a + axis] += (
+                    point.along[a] * frame[i, axis] + point.turn[a] * frame[i, 3 + axis]
+                )
+
+
+@njit
+def normal_force(scene, d, i, k, g, points):
+    """Force (N/m2) per length of both yarns with which two contact points press, d their distance vector."""
+    sign = touch_sign(scene, g)
+    x, y, z = d
+    e0, e1, e2 = points[i, 3], points[i, 4], points[i, 5]
+    f0, f1, f2 = sign[0] * points[k, 3], sign[1] * points[k, 4], sign[2] * points[k, 5]
+    c0 = points[i, 6] - sign[0] * points[k, 6]
+    c1 = points[i, 7] - sign[1] * points[k, 7]
+    c2 = points[i, 8] - sign[2] * points[k, 8]
+    law = scene.law
+    least = THIN * law.diameter * (law.diameter - law.core)
+    along, other = 2.0 * (x * e0 + y * e1 + z * e2), -2.0 * (x * f0 + y * f1 + z * f2)
+    lift = e0 * e0 + e1 * e1 + e2 * e2 + f0 * f0 + f1 * f1 + f2 * f2 + x * c0 + y * c1 + z * c2
+    a, b = math.sqrt(along * along + least * least), math.sqrt(other * other + least * least)
+    square = x * x + y * y + z * z
+    _, vq, *_ = mean_at(square + lift / 12.0, a, b, law)
+    return -2.0 * math.sqrt(square) * vq

@@ -15,6 +15,7 @@ import numpy as np
 from knitsim.equilibrium.kernels.records import ANGLE, LATTICE
 from knitsim.jit import choose, njit
 
+SPREAD = 1.1  # spacings of contact points: how far beyond the diameter their cells reach
 CHUNK = 8  # points per bounding box of the pair search
 APART = 0.75  # spacings of contact points: two yarns this far apart at their points do not cross between
 
@@ -34,8 +35,21 @@ class Listed(NamedTuple):
 
 
 @njit
+def place_frames(touch, x, points):
+    """Fill points (m, 9) with the contact points and their derivatives by the number of the point."""
+    for i in range(touch.points.size):
+        point = touch.points[i]
+        f, basis, along, turn = point.first, point.basis, point.along, point.turn
+        for axis in range(3):
+            a, b, c, d = x[f, axis], x[f + 1, axis], x[f + 2, axis], x[f + 3, axis]
+            points[i, axis] = basis[0] * a + basis[1] * b + basis[2] * c + basis[3] * d
+            points[i, 3 + axis] = along[0] * a + along[1] * b + along[2] * c + along[3] * d
+            points[i, 6 + axis] = turn[0] * a + turn[1] * b + turn[2] * c + turn[3] * d
+
+
+@njit
 def place_points(touch, x, points):
-    """Fill points (m, 3) with the positions of the contact points."""
+    """Fill points (m, 3 or more) with the positions of the contact points."""
     for i in range(touch.points.size):
         f, basis = touch.points[i].first, touch.points[i].basis
         for axis in range(3):
@@ -114,16 +128,26 @@ def approach(scene, y, center):
 
 
 @njit
+def touching(scene):
+    """Distance (m) within which the cells of two contact points may touch (:mod:`.mean`).
+
+    Half of (a + b) is 2 h D at most, h being their spacing along the stretched yarn.
+    """
+    points = scene.touch.points
+    return scene.law.diameter + (SPREAD * points[0].length if points.size > 0 else 0.0)
+
+
+@njit
 def _covers_flat(scene, listed, y, work):
     """Whether every pair that touches at y is in the list."""
-    return approach(scene, y, listed.center) + scene.law.diameter <= listed.reach[0]
+    return approach(scene, y, listed.center) + touching(scene) <= listed.reach[0]
 
 
 @njit
 def _covers_bent(scene, listed, y, work):
     lattice = expand(scene.map, y, work.x)
-    touching = flat_distance(scene, lattice, scene.law.diameter, work.x)
-    return approach(scene, y, listed.center) + touching <= listed.reach[0]
+    near = flat_distance(scene, lattice, touching(scene), work.x)
+    return approach(scene, y, listed.center) + near <= listed.reach[0]
 
 
 covers = choose("scene.bend", _covers_bent, _covers_flat)
@@ -131,10 +155,10 @@ covers = choose("scene.bend", _covers_bent, _covers_flat)
 
 @njit
 def pairs_at(scene, y, skin, work):
-    """The :class:`Listed` pairs closer than the diameter plus ``skin`` (m) at y."""
+    """The :class:`Listed` pairs that touch at y, and those that do if they come closer by ``skin`` (m)."""
     lattice = expand(scene.map, y, work.x)
     place_points(scene.touch, work.x, work.points)
-    reach = flat_distance(scene, lattice, scene.law.diameter + skin, work.x)
+    reach = flat_distance(scene, lattice, touching(scene) + skin, work.x)
     pairs, weight = find_pairs(scene.touch, work.points, lattice, reach)
     return Listed(pairs, weight, y.copy(), np.full(1, reach))
 

@@ -44,10 +44,17 @@ ROD = np.dtype(
 # rounding.
 KINK = np.dtype([(name, "f8") for name in ("strain", "slope", "jump", "half_width")], align=True)
 
-# Contact point.  first, basis: position as in ROD; length (m): arc length it stands for; arc (m):
+# Contact point.  first, basis: position as in ROD; along, turn: the same of its first and second
+# derivative by the number of the contact point; length (m): arc length it stands for; arc (m):
 # place along its yarn; yarn: number of its yarn.
 TOUCH_POINT = np.dtype(
-    [("first", "i8"), ("yarn", "i8"), ("basis", "f8", 4), ("length", "f8"), ("arc", "f8")],
+    [
+        ("first", "i8"),
+        ("yarn", "i8"),
+        *((name, "f8", 4) for name in ("basis", "along", "turn")),
+        ("length", "f8"),
+        ("arc", "f8"),
+    ],
     align=True,
 )
 
@@ -201,7 +208,8 @@ class Bent(NamedTuple):
 class Work(NamedTuple):
     """Buffers of one scene.
 
-    x (n, 3): control points; points (m, 3): contact points; expanded (map rows): gradient by control
+    x (n, 3): control points; points (m, 9): contact points, with their first and second derivatives by
+    the number of the point; expanded (map rows): gradient by control
     points and lattice; half: a matrix A with their Hessian = A + A^T; gradient, hessian: by y;
     factor: upper Cholesky factor; terms (3,): stretch, bending, contact energy (J); closest (1,):
     smallest squared distance of contact points (m2); bent.

@@ -1,0 +1,218 @@
+"""Contact laws averaged over the cell that a pair of contact points stands for (compiled).
+
+Two yarns touch in a patch of the plane of their arcs (s1, s2), at whose edge the energy v sets in as the
+square of the approach.  Sums of v over a lattice of points are off by what such an edge does: by the 2.5th
+to 3.5th power of the spacing h, and by an amount that wavers as points slide past the edge.  The mean of
+v over the h by h cell round each pair sums up to the integral instead, exactly if it is exact itself.
+Within a cell the squared distance is taken as
+
+    q + a x + b y,   x, y in [-1/2, 1/2],   a = h dq/ds1,   b = h dq/ds2,
+
+with q raised by the mean of its second-order part, h^2 (q_11 + q_22)/24.  The mean of v over the two
+boxes is a second difference of its second integral f2 at q +- a/2 +- b/2, over a b: the energy becomes
+smooth where the law is not, and what is left of the error falls with the fourth power of h.
+
+Lengths squared are counted in u = (d^2 - q)/d^2 for the barrier, lengths in w = (d - D)/(d - core) for
+other laws.
+"""
+
+import math
+
+from knitsim.equilibrium.contact import CORE
+from knitsim.jit import choose, njit
+
+THIN = 2e-3  # of d^2, d - core: no cell is thinner, in a direction in which the distance does not change
+SERIES = 0.2  # up to here integrals are summed as power series, whose terms cancel nothing
+
+
+@njit
+def corners(p, r, s, t, a, b):
+    """Mean A over a cell and its derivatives A_u, A_a, A_b, A_uu, A_ua, A_ub, A_aa, A_ab, A_bb.
+
+    p, r, s, t: f0, f1, f2 at u + (a + b)/2, u + (a - b)/2, u - (a - b)/2, u - (a + b)/2.
+    """
+    p0, p1, p2 = p
+    r0, r1, r2 = r
+    s0, s1, s2 = s
+    t0, t1, t2 = t
+    area = 1.0 / (a * b)
+    mean = (p2 - r2 - s2 + t2) * area
+    by_u = (p1 - r1 - s1 + t1) * area
+    by_uu = (p0 - r0 - s0 + t0) * area
+    by_a = 0.5 * (p1 - r1 + s1 - t1) * area - mean / a
+    by_b = 0.5 * (p1 + r1 - s1 - t1) * area - mean / b
+    by_ua = 0.5 * (p0 - r0 + s0 - t0) * area - by_u / a
+    by_ub = 0.5 * (p0 + r0 - s0 - t0) * area - by_u / b
+    by_aa = 0.25 * by_uu - 2.0 * by_a / a
+    by_bb = 0.25 * by_uu - 2.0 * by_b / b
+    by_ab = 0.25 * (p0 + r0 + s0 + t0) * area - (by_a + mean / a) / b - by_b / a
+    return mean, by_u, by_a, by_b, by_uu, by_ua, by_ub, by_aa, by_ab, by_bb
+
+
+@njit
+def barrier_integrals(u):
+    """u^2/(1 - u) and its first and second integral from 0; zeros below 0."""
+    if u <= 0.0:
+        return 0.0, 0.0, 0.0
+    if u < SERIES:
+        first = second = 0.0
+        for n in range(14, 2, -1):
+            first = first * u + 1.0 / n
+            second = second * u + 1.0 / (n * (n + 1.0))
+        u3 = u * u * u
+        return u * u / (1.0 - u), first * u3, second * u3 * u
+    log, square = math.log1p(-u), u * u
+    return square / (1.0 - u), -log - u - 0.5 * square, (1.0 - u) * log + u - 0.5 * square - square * u / 6.0
+
+
+@njit
+def barrier_mean(square, a, b, law):
+    """Mean of the barrier law over a cell; as ``corners``, by q, a and b, these not negative.
+
+    Where the whole cell is in touch, by its derivatives instead: the terms of the corners would cancel.
+    """
+    d2 = law.diameter * law.diameter
+    inverse = 1.0 / d2
+    u, a, b = (d2 - square) * inverse, a * inverse, b * inverse
+    edge = 0.5 * (a + b)
+    k, by = law.stiffness, -law.stiffness * inverse
+    if u <= -edge:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    second = law.stiffness * inverse * inverse
+    if u < edge:
+        less = 0.5 * (a - b)
+        m, mu, ma, mb, muu, mua, mub, maa, mab, mbb = corners(
+            barrier_integrals(u + edge), barrier_integrals(u + less),
+            barrier_integrals(u - less), barrier_integrals(u - edge), a, b,
+        )  # fmt: skip
+        return (
+            k * m, by * mu, -by * ma, -by * mb, second * muu, -second * mua, -second * mub,
+            second * maa, second * mab, second * mbb,
+        )  # fmt: skip
+    i = 1.0 / (1.0 - u)
+    i2 = i * i
+    i3, aa, bb = i2 * i, a * a, b * b
+    i5 = i3 * i2
+    m2, m4 = (aa + bb) / 24.0, (aa * aa + bb * bb) / 1920.0 + aa * bb / 576.0
+    # d2 v, d4 v by u, over 2 and 24, and what follows from them by a and b.
+    mean = u * u * i + 2.0 * i3 * m2 + 24.0 * i5 * m4
+    by_u = i2 - 1.0 + 6.0 * i2 * i2 * m2 + 120.0 * i5 * i * m4
+    by_uu = 2.0 * i3 + 24.0 * i5 * m2 + 720.0 * i5 * i2 * m4
+    of_a, of_b = a * (aa / 480.0 + bb / 288.0), b * (bb / 480.0 + aa / 288.0)
+    by_a, by_b = i3 * a / 6.0 + 24.0 * i5 * of_a, i3 * b / 6.0 + 24.0 * i5 * of_b
+    by_ua, by_ub = 0.5 * i2 * i2 * a + 120.0 * i5 * i * of_a, 0.5 * i2 * i2 * b + 120.0 * i5 * i * of_b
+    by_aa = i3 / 6.0 + 24.0 * i5 * (aa / 160.0 + bb / 288.0)
+    by_bb = i3 / 6.0 + 24.0 * i5 * (bb / 160.0 + aa / 288.0)
+    by_ab = i5 * a * b / 6.0
+    return (
+        k * mean, by * by_u, -by * by_a, -by * by_b, second * by_uu, -second * by_ua,
+        -second * by_ub, second * by_aa, second * by_ab, second * by_bb,
+    )  # fmt: skip
+
+
+@njit
+def core_integrals(w, p):
+    """(1 - w)^(1 - p) - 1 - (p - 1) w and its first and second integral from 0; zeros below 0."""
+    if w <= 0.0:
+        return 0.0, 0.0, 0.0
+    q = p - 1.0
+    if abs(q - 1.0) < 1e-5:
+        q = 1.0 + 1e-5
+    if w < 0.5 * SERIES:
+        # Binomial coefficients of (1 - w)^-q from the second on.
+        value = first = second = 0.0
+        c, power = 0.5 * q * (q + 1.0), w * w
+        for n in range(2, 16):
+            value += c * power
+            first += c * power * w / (n + 1.0)
+            second += c * power * w * w / ((n + 1.0) * (n + 2.0))
+            c *= (q + n) / (n + 1.0)
+            power *= w
+        return value, first, second
+    log = math.log1p(-w)
+    less = math.expm1((2.0 - q) * log) / (2.0 - q) if abs(2.0 - q) > 1e-9 else log
+    first = math.expm1((1.0 - q) * log) / (q - 1.0)
+    second = (-less - w) / (q - 1.0)
+    return (
+        math.exp(-q * log) - 1.0 - q * w,
+        first - w - 0.5 * q * w * w,
+        second - 0.5 * w * w - q * w * w * w / 6.0,
+    )
+
+
+@njit
+def table_integrals(w, table):
+    """As of a tabulated law: piece by piece from first touch on, their sums in the table."""
+    if w <= 0.0:
+        return 0.0, 0.0, 0.0
+    z = 1.0 - w
+    j = int(-math.log(z) / table[1])
+    at = 2 + 8 * j
+    if at >= table.size:
+        return math.inf, math.inf, math.inf
+    low, high = math.exp(-(j + 1) * table[1]), math.exp(-j * table[1])
+    h = high - low
+    # Of the polynomial in x, 0 at the lower knot and 1 at the upper, from there down to z.
+    x, value = (z - low) / h, 0.0
+    first = table[at + 6]
+    second = table[at + 7] + first * (high - z)
+    for k in range(5, -1, -1):
+        value = value * x + table[at + k]
+    for k in range(6):
+        c = table[at + k]
+        full = 1.0 - x ** (k + 1)
+        first += h * c * full / (k + 1.0)
+        second += h * h * c * ((1.0 - x) / (k + 1.0) - (1.0 - x ** (k + 2)) / ((k + 1.0) * (k + 2.0)))
+    return value, first, second
+
+
+@njit
+def soft_integrals(w, soft):
+    return core_integrals(w, soft[1]) if soft[0] == CORE else table_integrals(w, soft)
+
+
+@njit
+def soft_mean(square, a, b, law):
+    """As :func:`barrier_mean` of a core law or a tabulated one, by the distance D instead of its square.
+
+    The second derivatives, which Newton's method alone asks for, are those at given a/D and b/D.
+    """
+    distance, delta = math.sqrt(square), law.diameter - law.core
+    to_w = 0.5 / (distance * delta)
+    w, a, b = (law.diameter - distance) / delta, a * to_w, b * to_w
+    edge = 0.5 * (a + b)
+    if w <= -edge:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if w >= 1.0:
+        return math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    # No corner comes nearer the core than half way.
+    whole, shrunk = a + b, 1.0
+    if edge > 0.5 * (1.0 - w):
+        shrunk = 0.5 * (1.0 - w) / edge
+        a, b, edge = a * shrunk, b * shrunk, 0.5 * (1.0 - w)
+    less = 0.5 * (a - b)
+    m, mw, ma, mb, mww, mwa, mwb, maa, mab, mbb = corners(
+        soft_integrals(w + edge, law.soft), soft_integrals(w + less, law.soft),
+        soft_integrals(w - less, law.soft), soft_integrals(w - edge, law.soft), a, b,
+    )  # fmt: skip
+    scale = 1.0
+    if law.soft[0] == CORE:
+        p = law.soft[1]
+        scale = law.stiffness * delta * delta / (p * (p - 1.0))
+    # By D: w = (d - D)/delta, a and b go with 1/D; or with (1 - w) where they are shrunk.
+    by_w = 1.0 / (2.0 * distance * delta)
+    if shrunk < 1.0:
+        # a (1 - w)/(a + b) and likewise b.
+        by_q = -(mw - (ma * a + mb * b) / (1.0 - w)) * by_w
+        ma, mb = (ma - mb) * b / whole, (mb - ma) * a / whole
+    else:
+        by_q = -mw * by_w - (ma * a + mb * b) * 0.5 / square
+    second = scale * (mww * by_w * by_w + 0.5 * mw * by_w / square)
+    cross, twice = -scale * by_w * to_w * shrunk, scale * (to_w * shrunk) ** 2
+    return (
+        scale * m, scale * by_q, scale * ma * to_w, scale * mb * to_w, second, cross * mwa,
+        cross * mwb, twice * maa, twice * mab, twice * mbb,
+    )  # fmt: skip
+
+
+mean_at = choose("law.soft", soft_mean, barrier_mean)
