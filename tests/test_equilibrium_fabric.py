@@ -42,7 +42,7 @@ def test_relaxed_cotton(cotton):
     assert cotton.course_spacing == pytest.approx(1.008e-3, abs=1e-6)
     assert cotton.residual <= SMALL_FORCE
     assert cotton.crossings_intact
-    assert cotton.energy.min() > 0.0
+    assert cotton.energy[:3].min() > 0.0 == cotton.energy[3]
 
 
 def test_forces_of_the_cotton(cotton, course):
@@ -176,17 +176,27 @@ def test_friction_loses_energy_and_balances(rubbing):
     assert (np.diff(curve.dissipated) >= 0.0).all()
     stored = curve.energy.sum(1) - rubbing.energy.sum()
     work = curve.work.max()
-    assert np.abs(curve.work - stored - curve.dissipated).max() < 5e-3 * work
-    first = curve.cycle == 1
-    peak = curve.work[first & (curve.phase == 0)].max()
-    # The prototype: 56 % lost at friction 0.2, 8 % residual strain to its 2 % step.
-    end = np.flatnonzero(first)[-1]
-    assert curve.dissipated[end] / peak == pytest.approx(0.56, abs=0.03)
+    assert np.abs(curve.work - stored - curve.dissipated).max() < 1e-3 * work
+    assert curve.energy[:, 3].min() > 0.0  # held by the contacts, not yet lost
+    end = np.flatnonzero(curve.cycle == 1)[-1]
+    # The prototype: 8 % residual strain to its 2 % step.
     assert curve.strain[end] == pytest.approx(0.08, abs=0.025)
     assert curve.force_per_loop[end] == pytest.approx(0.0, abs=1e-5 * curve.force_per_loop.max())
-    loading = first & (curve.phase == 0)
+    loading = (curve.cycle == 1) & (curve.phase == 0)
     smooth = tensile(relax(Fabric(**COTTON)), "course", curve.strain[loading])
     assert (curve.force_per_loop[loading] > smooth.force_per_loop).all()
+
+
+def test_contacts_that_hardly_give_way_are_coulombs(rubbing):
+    """A law whose slip is rounded over a short length loses 0.5404 of the work in short steps."""
+    lost = []
+    for relaxed in (rubbing, relax(Fabric(**COTTON, friction=0.2, sticking=30.0))):
+        curve = tensile(relaxed, "course", np.linspace(0.05, 0.6, 12), recovery=True)
+        lost.append(curve.dissipated[-1] / curve.work.max())
+        assert curve.strain[-1] == pytest.approx(0.0976, abs=2e-4)
+    assert lost[1] == pytest.approx(0.5404, abs=4e-3)
+    # What a spring holds is not lost.
+    assert 0.95 * lost[1] < lost[0] < lost[1]
 
 
 def test_friction_converges_with_the_increment(rubbing):
