@@ -71,7 +71,7 @@ def capstan_case(friction, turn):
         )  # fmt: skip
         cylinder = Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), _RADIUS, 100.0)
         # The normal force lags by a pass; each adds a term of the series of exp(mu phi).
-        state = solve_open([yarn], cylinders=[cylinder], friction=friction, steps=2)
+        state = solve_open([yarn], cylinders=[cylinder], friction=friction, steps=2, coarse=True)
         reaction = state.reaction(0, "end")
         ratio = float(np.linalg.norm(reaction)) / _PULL
         found = _angle_between(pull, reaction)
@@ -105,7 +105,7 @@ def wrapped_case(turn, rigidity, contact):
             end=_HINGED, contacts=points,
         )  # fmt: skip
         cylinder = Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), _RADIUS, stiffness)
-        state = solve_open([yarn], cylinders=[cylinder], steps=1)
+        state = solve_open([yarn], cylinders=[cylinder], steps=1, coarse=True)
         reaction = state.reaction(0, "end")
         exact = exact_contacts.wrapped_yarn(
             _PULL, rigidity, _RADIUS, _angle_between(pull, reaction)
@@ -200,7 +200,9 @@ def crossing_case():
                     2.0 * half, rigidity, law, elements, shape=shape, start=start, end=end, contacts=2
                 )
             )  # fmt: skip
-        state = solve_open(yarns, contact=BarrierContact(1e3), diameter=diameter, steps=2)
+        state = solve_open(
+            yarns, contact=BarrierContact(1e3), diameter=diameter, steps=2, coarse=True
+        )
         lower, upper = (state.points(k, 2)[elements, 2] for k in (0, 1))
         springs = [
             exact_contacts.span_stiffness(

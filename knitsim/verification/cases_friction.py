@@ -50,7 +50,11 @@ def incline_case(friction, slope):
             weight=(0.0, -weight, 0.0),
         )  # fmt: skip
         cylinder = Cylinder((0.0, 0.0, 0.0), tuple(along), _RADIUS, barrier)
-        states = list(follow_open([yarn], cylinders=[cylinder], friction=friction, steps=programme))
+        states = list(
+            follow_open(
+                [yarn], cylinders=[cylinder], friction=friction, steps=programme, coarse=True
+            )
+        )
         way = np.array([(state.end(0) - states[0].end(0)) @ along for state in states])
         pairs = {
             "way out EA/(P L)": (way[1], up),
@@ -96,7 +100,12 @@ def unloaded_capstan_case(friction, turn):
         cylinder = Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), _RADIUS, barrier)
         states = list(
             follow_open(
-                [yarn], cylinders=[cylinder], friction=friction, sticking=100.0, steps=programme
+                [yarn],
+                cylinders=[cylinder],
+                friction=friction,
+                sticking=100.0,
+                steps=programme,
+                coarse=True,
             )
         )
         end = [float(np.linalg.norm(state.reaction(0, "end"))) for state in states]
