@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 from knitsim.equilibrium import spline
 from knitsim.equilibrium.bend import DIRECTIONS, bend
-from knitsim.equilibrium.cell import loop_of
+from knitsim.equilibrium.cell import loops_of
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.kernels.contact import law_at
 from knitsim.equilibrium.kernels.energy import energy_of, new_work
@@ -29,7 +29,7 @@ class BentLoop:
         self.fabric = model.fabric
         self.n = model.cell.points
         self.spacing = y[[model.lattice, model.lattice + 3]]
-        loop = loop_of(model.cell, y)[: self.n]
+        loop = loops_of(model.cell, y)[0]
         step = np.array([self.spacing[0], 0.0, 0.0])
         self.chain = np.concatenate([loop[-1:] - step, loop, loop[:2] + step])
 

@@ -13,9 +13,9 @@ from knitsim.equilibrium.kernels.pairs import expand, pairs_at, place_points
 from knitsim.equilibrium.kernels.records import LATTICE
 from knitsim.equilibrium.large.assembly import crossings_in_grid
 from knitsim.equilibrium.large.linear import Linear, factor_of, new_sparse_work, sparse_pairs
-from knitsim.equilibrium.model import build_model
+from knitsim.equilibrium.model import build_model, carried
 from knitsim.equilibrium.pull import tensile
-from knitsim.equilibrium.relax import is_intact, relax, spread
+from knitsim.equilibrium.relax import is_intact, relax
 from knitsim.equilibrium.stability import lowest_stiffness
 from knitsim.errors import InputError
 from knitsim.yarn.law import paper_k3
@@ -36,8 +36,8 @@ def coarse():
 def block(one, wales, courses, noise=0.0, sparse=True):
     """A model of several loops like ``one`` and its unknowns, moved at random by ``noise`` (m)."""
     size = Resolution(*COARSE, "full", wales, courses)
-    model = build_model(one.model.fabric, size, sparse)
-    y = spread(model, one.model, one.y)
+    model = build_model(one.model.fabric, size, sparse=sparse)
+    y = carried(model, one.model, one.y)
     return model, y + noise * np.random.default_rng(3).standard_normal(len(y))
 
 
@@ -68,7 +68,7 @@ def test_grid_finds_the_pairs_and_crossings_of_the_full_search(coarse, wales, co
     np.testing.assert_array_equal(code[np.argsort(where)], plain)
     assert is_intact(model, y)
     purl = y.copy()
-    purl[model.cell.slot[:, 2][model.cell.slot[:, 2] >= 0]] *= -1.0
+    purl[: model.cell.count][model.cell.where[:, 2] == 2] *= -1.0
     assert not is_intact(model, purl)
 
 
@@ -91,10 +91,10 @@ def test_sparse_hessian_is_the_dense_one(coarse, wales, courses, friction):
     _, work = dense_at(model, y, slip)
     linear = Linear(model.scene, y, pairs, slip, np.array([0, 3]), sparse)
     # The products with unit vectors, against the columns of the dense matrix.  The sparse matrix
-    # holds one control point's thickness, the dense one the mean of the loop.
+    # holds one control point's thickness, the dense one the mean of all.
     count = model.cell.count
     to_y = np.eye(count)
-    to_y[np.ix_(sparse.thick, sparse.first_thick)] -= 1.0 / model.cell.points
+    to_y[np.ix_(sparse.thick, sparse.thick)] -= 1.0 / len(sparse.unknown)
     full = np.zeros((count + 2, count + 2))
     full[:count, :count] = to_y[:, sparse.order]
     full[count:, count:] = np.eye(2)
@@ -193,10 +193,10 @@ def test_lowest_stiffness_is_the_lowest_eigenvalue(coarse):
     sparse = new_sparse_work(model.cell, model.scene)
     # In the matrix that holds one control point instead of the mean thickness.
     turn = np.eye(model.cell.count + LATTICE)
-    turn[np.ix_(sparse.thick, sparse.first_thick)] -= 1.0 / model.cell.points
+    turn[np.ix_(sparse.thick, sparse.thick)] -= 1.0 / len(sparse.unknown)
     free = model.free(3)
     for i in range(2):
-        y = spread(model, coarse.model, curve.y[i])
+        y = carried(model, coarse.model, curve.y[i])
         _, work = dense_at(model, y, ())
         hessian = (turn.T @ work.hessian @ turn)[np.ix_(free, free)]
         assert found[i] == pytest.approx(np.linalg.eigvalsh(hessian)[0], rel=1e-5)
@@ -216,7 +216,7 @@ def test_pulled_loops_without_friction_would_exchange_yarn():
 def test_a_saddle_has_no_factor(coarse):
     curve = tensile(coarse, "course", [1.0])
     model, _ = block(coarse, 2, 2)
-    y = spread(model, coarse.model, curve.y[0])
+    y = carried(model, coarse.model, curve.y[0])
     sparse = new_sparse_work(model.cell, model.scene)
     pairs = sparse_pairs(model.scene, y, 0.0, sparse)
     linear = Linear(model.scene, y, pairs, (), NO_FREE, sparse)
@@ -229,9 +229,9 @@ def test_a_saddle_has_no_factor(coarse):
     assert linear.answer(push) @ push > 0.0
 
 
-def test_stability_is_asked_of_the_quarter(coarse):
+def test_stability_is_asked_of_the_symmetric_cell(coarse):
     full = relax(Fabric(**COTTON), Resolution(*COARSE, cell="full"))
-    with pytest.raises(InputError, match="quarter"):
+    with pytest.raises(InputError, match="symmetric"):
         lowest_stiffness(tensile(full, "course", [0.1]), 2, 2)
 
 

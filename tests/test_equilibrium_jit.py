@@ -33,7 +33,8 @@ def over(t):
 
 yarn = OpenYarn(1.2e-2, 1e-9, TensionLaw([0.0, 0.1], [0.0, 100.0]), 6, shape=over,
                 start_force=(-0.09, -0.06, 0.0), end=Support("hinged", moved_to=(6e-3, 8.2e-3, 0.0)))
-state = solve_open([yarn], cylinders=[Cylinder((0, 0, 0), (0, 0, 1), 1e-2, 1e2)], friction=0.3, steps=2)
+state = solve_open([yarn], cylinders=[Cylinder((0, 0, 0), (0, 0, 1), 1e-2, 1e2)], friction=0.3,
+                   steps=2, coarse=True)
 found = [*state.reaction(0, "end")[:2], state.lost, *state.energy]
 """
 

@@ -34,10 +34,10 @@ class Block:
 
     def __init__(self, yarns, load, *, friction=FRICTION, sticking=1.0, contact=None, **scene):
         diameter = scene.pop("diameter", 1e-3)
-        scene, *_ = assemble(yarns, scene.pop("cylinders", ()), contact, diameter, 1e-4)
+        scene, *_ = assemble(yarns, scene.pop("cylinders", ()), contact, diameter)
         rows = []
         for yarn, control in enumerate(y.control() for y in yarns):
-            rows += [[{axis: 1.0} if yarn == 0 else {} for axis in range(3)]] * len(control)
+            rows += [{axis: 1.0} if yarn == 0 else {} for axis in range(3)] * len(control)
         map_ = to_map(rows, 3)
         places = np.concatenate([y.control() for y in yarns])
         map_.rows.offset[: places.size] = places.ravel()
@@ -48,7 +48,7 @@ class Block:
         self.scene.fixtures.cylinders.shell *= sticking
         shell = 1.0 if contact is None else sticking * contact.shell(diameter)
         self.rub = Rub(friction, shell, ())
-        self.control = Control(1e-7 * np.abs(load).sum() + 1e-12, 0.2 * RADIUS, 2e-4, 200, 0)
+        self.control = Control(1e-7 * np.abs(load).sum() + 1e-12, 0.2 * RADIUS, 2e-4, 200, 0, False)
 
     def at(self, place):
         """Energy (J) and force (3,) on the block (N) at a place (3,), without friction and loads."""
