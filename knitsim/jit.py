@@ -35,7 +35,8 @@ def choose(path, there, gone):
     """A function for kernels: ``there`` where ``path`` is present, ``gone`` where it is ().
 
     path: name of an argument, or of a field of one (``scene.bend``).  there, gone: kernels of the same
-    arguments; gone may also be a number, which is then returned.  Only one of the two is compiled.
+    arguments, or made by this; gone may also be a number, which is then returned.  Only one of the two
+    is compiled.
     """
     argument, *fields = path.split(".")
     names = ", ".join(inspect.signature(there).parameters)
@@ -52,7 +53,8 @@ def choose(path, there, gone):
         value = given[place]
         for field in fields:
             value = getattr(value, field)
-        return (without if isinstance(value, tuple) and value == () else with_it)(*given)
+        one = gone if isinstance(value, tuple) and value == () else there
+        return one(*given) if callable(one) else one
 
     # Numba wants a chooser with the same arguments as what it chooses between.
     stub = eval(f"lambda {names}: stub({names})", {"stub": stub})
@@ -62,8 +64,10 @@ def choose(path, there, gone):
         for field in fields:
             kind = kind[kind.fields.index(field)]
         absent = isinstance(kind, types.BaseTuple) and len(kind) == 0
-        return without if absent else with_it
+        one = without if absent else with_it
+        return one.chosen(*kinds) if hasattr(one, "chosen") else one
 
+    stub.chosen = chosen
     chooser = eval(f"lambda {names}: chosen({names})", {"chosen": chosen})
     overload(stub, jit_options=OPTIONS | {"no_cpython_wrapper": True})(chooser)
     return stub

@@ -27,6 +27,7 @@ from knitsim.benchmark.front import (
     measure,
     together,
 )
+from knitsim.equilibrium import bend as bending
 from knitsim.equilibrium import model
 from knitsim.equilibrium import pull as tension
 from knitsim.equilibrium.fabric import Resolution
@@ -149,14 +150,10 @@ def test_together_takes_one_setting_for_all():
 
 
 def test_settings_that_are_constants_are_set_back():
-    before = model.TOLERANCE, tension.INCREMENT, tension.SLIP_ROUNDING, tension.LAG_PASSES
-    with benchmark_fabric._set(Knobs(tolerance=1.0, step=2.0, rounding=3.0, passes=4)):
-        assert (1.0, 2.0, 3.0, 4) == (
-            model.TOLERANCE, tension.INCREMENT, tension.SLIP_ROUNDING, tension.LAG_PASSES,
-        )  # fmt: skip
-    assert before == (
-        model.TOLERANCE, tension.INCREMENT, tension.SLIP_ROUNDING, tension.LAG_PASSES,
-    )  # fmt: skip
+    before = model.TOLERANCE, tension.INCREMENT, bending.INCREMENT
+    with benchmark_fabric._set(Knobs(tolerance=1.0, step=2.0, arc=3.0)):
+        assert (1.0, 2.0, 3.0) == (model.TOLERANCE, tension.INCREMENT, bending.INCREMENT)
+    assert before == (model.TOLERANCE, tension.INCREMENT, bending.INCREMENT)
 
 
 @pytest.mark.parametrize("full", [False, True])

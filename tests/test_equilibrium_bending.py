@@ -1,31 +1,26 @@
 """Bending of the fabric: exact limits, symmetry, curl, friction, errors."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from knitsim.equilibrium.kernels.follow_bent import (
-    RAN_AWAY,
-    STATE,
-    Bending,
-    flat_moment,
-    follow_bending,
-)
+from friction_tools import virgin
 
 from knitsim.equilibrium import bend as bending
 from knitsim.equilibrium import cell as cells
 from knitsim.equilibrium.bend import TIGHTEST, bend, phases_of
 from knitsim.equilibrium.fabric import Fabric, Resolution
-from knitsim.equilibrium.kernels.follow import REACHED, new_states
-from knitsim.equilibrium.kernels.friction import no_slip
-from knitsim.equilibrium.kernels.newton import (
-    Control,
-    energy_of,
-    new_work,
-    pairs_at,
-)
-from knitsim.equilibrium.kernels.records import COUPLE, CYLINDER, Bend, Scene, records
+from knitsim.equilibrium.kernels.accept import RAN_AWAY, REACHED
+from knitsim.equilibrium.kernels.energy import energy_of, new_work
+from knitsim.equilibrium.kernels.follow import March, Standing, follow, new_trail
+from knitsim.equilibrium.kernels.friction import Rub
+from knitsim.equilibrium.kernels.lag import Couple
+from knitsim.equilibrium.kernels.newton import Control
+from knitsim.equilibrium.kernels.pairs import pairs_at
+from knitsim.equilibrium.kernels.records import ANGLE, LATTICE, Bend, Law, Scene
 from knitsim.equilibrium.model import rounded_law
+from knitsim.equilibrium.pattern import Pattern
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
 from knitsim.stages.judged import relaxed_of
@@ -55,49 +50,67 @@ def rubbing():
     return relax(Fabric(**COTTON, friction=0.2))
 
 
-def bent_scene(model, angle, direction):
-    return model.scene._replace(bend=Bend(angle, direction, True))
+def follow_curvatures(model, scene, y, direction, curvatures, free, rub=(), largest=100.0):
+    """States, forces, their number, the reason of the end, of a scene bent through curvatures."""
+    at, trace, expected = model.lattice, model.trace, model.expected
+    march = March(
+        free, np.array([at + ANGLE]), np.array([at + 3 * direction]), largest, 1e-9, 2.0,
+        trace, expected, model.control,
+    )  # fmt: skip
+    work = new_work(scene)
+    energy_of(scene, y, pairs_at(scene, y, 0.0, work), (), np.int64(1), work)
+    force = work.gradient + scene.load
+    memory = virgin(rub) if rub else ()
+    here = Standing(y.copy(), force, np.zeros(len(y) + 1), memory)
+    curvatures = np.asarray(curvatures, dtype=float)
+    trail = new_trail(len(curvatures), len(y))
+    count, status, _ = follow(scene, here, curvatures[:, None], march, rub, trail)
+    return trail.states, trail.force, count, status
 
 
 def straight_fabric(spacing=2e-3, length=5e-3, rigidity=5e-9, load=0.0):
-    """A full cell whose yarn lies straight along the course: scene, trace, start, tolerance."""
-    cell = cells.full(24, 48, 1, 1)
+    """A full cell whose yarn lies straight along the course: a model as far as needed, scene, start."""
+    cell = cells.cell_of(Pattern.of("jersey"), 24, 48, "none")
     law = COTTON["law"]
     diameter = COTTON["diameter"]
-    touch = cells.touch_of(cell, length, 1.6 * diameter)
-    loads = np.zeros(cell.count + 4)
+    touch = cells.touch_of(cell, [length], 1.6 * diameter)
+    loads = np.zeros(cell.count + LATTICE)
     loads[cell.count] = load
     scene = Scene(
         cell.map,
-        cells.rod_of(cell, length, rigidity),
+        cells.rod_of(cell, [length], rigidity),
         rounded_law(law),
         touch,
-        records(CYLINDER, 0),
-        records(COUPLE, 0),
-        Bend(0.0, 0, True),
-        np.array([0.0, 1000.0, diameter, 0.0, 0.0, 0.0]),
+        Law(diameter, 0.0, 1000.0, ()),
         loads,
-        np.ones(cell.count + 4),
+        np.ones(cell.count + LATTICE),
+        Bend(0),
+        (),
+        (),
     )
     loop = np.zeros((24, 3))
     loop[:, 0] = length * np.arange(24) / 24
-    y = cells.pack(cell, loop, [length, 0.0, 0.0, spacing])
-    control = Control(1e-6 * rigidity / diameter**2, 0.15 * diameter, 0.15 * diameter, 400, 0)
-    return cell, scene, cells.trace_of(cell, touch), y, control
-
-
-def bend_straight(curvatures, couple=0.0, load=0.0, largest=10.0):
-    """Moment per spacing (N) of the straight yarn, the lost energy, and the reason of the end."""
-    cell, scene, trace, y, control = straight_fabric(load=load)
-    # The transverse spacing meets no resistance: it is held.
-    free = np.array([*range(cell.count), cell.count], dtype=np.int64)
+    y = cells.pack(cell, loop[None], [length, 0.0, 0.0, spacing])
+    control = Control(
+        1e-6 * rigidity / diameter**2, 0.15 * diameter, 0.15 * diameter, 400, 0, False
+    )
     none = np.empty(0, dtype=np.int64)
-    bending = Bending(free, cell.count, largest, 1e-6, 0.0, couple, 1.0, 1e-3, 2, none)
-    states = new_states(STATE, len(curvatures))
-    kept = np.empty((len(curvatures), len(y)))
-    curvatures = np.asarray(curvatures, dtype=float)
-    count, status = follow_bending(scene, trace, y, curvatures, bending, control, states, kept)
-    return states, states.moment / 2e-3, count, status
+    model = SimpleNamespace(
+        lattice=cell.count, trace=cells.trace_of(cell, touch), expected=none, control=control
+    )
+    return model, scene, y
+
+
+def bend_straight(curvatures, couple=(), load=0.0, largest=10.0):
+    """States of the straight yarn, its moment per spacing (N), their number, the reason of the end."""
+    model, scene, y = straight_fabric(load=load)
+    # The transverse spacing meets no resistance: it is held.
+    free = np.arange(model.lattice + 1)
+    rub = Rub(0.0, 1.0, couple) if couple else ()
+    states, force, count, status = follow_curvatures(
+        model, scene, y, 0, curvatures, free, rub, largest
+    )
+    return states, force[:, -1] / 2e-3, count, status
 
 
 def test_straight_yarns_side_by_side_have_their_own_rigidity():
@@ -108,18 +121,37 @@ def test_straight_yarns_side_by_side_have_their_own_rigidity():
     np.testing.assert_allclose(moment[1:], 5e-9 / 2e-3 * curvatures[1:], rtol=1e-6)
 
 
-def test_yarn_that_lags_gives_its_own_hysteresis():
-    """M = (B kappa +- M0)/c; a cycle costs M0 times the way that the curvature goes, per length."""
-    couple, length = 2e-7, 5e-3
-    states, moment, _, status = bend_straight(CYCLE, couple)
+def stop(kappa, couple):
+    """Couple (N m) of a Jenkins element driven through curvatures from 0, and what it has lost (J/m)."""
+    held, elastic, lost = [], 0.0, [0.0]
+    most = couple.limit / couple.stiffness
+    for change in np.diff(kappa, prepend=0.0):
+        moved = elastic + change
+        elastic = min(max(moved, -most), most)
+        held.append(couple.stiffness * elastic)
+        lost.append(lost[-1] + couple.limit * abs(moved - elastic))
+    return np.array(held), np.array(lost[1:])
+
+
+@pytest.mark.parametrize("path", [CYCLE, [20.0, 40.0, 15.0, 90.0, 75.0, 85.0, -30.0, 12.0, -100.0]])
+def test_yarn_that_lags_gives_its_own_hysteresis(path):
+    """M = (B kappa + the couple of a Jenkins element)/c, whatever the way; the book of losses too."""
+    couple, length = Couple(2e-7, 1e-8), 5e-3
+    path = np.asarray(path, dtype=float)
+    states, moment, _, status = bend_straight(path, couple)
     assert status == REACHED
-    at = {k: np.flatnonzero(np.abs(CYCLE - k) < 1e-9) for k in (100.0, -100.0)}
-    for k, sign in ((100.0, 1.0), (-100.0, -1.0)):
-        out, back = moment[at[k]]
-        assert out == pytest.approx((5e-9 * k + sign * couple) / 2e-3, rel=1e-6)
-        assert back == pytest.approx((5e-9 * k - sign * couple) / 2e-3, rel=1e-6)
-    way = np.abs(np.diff(CYCLE)).sum()
-    assert states.lost[-1] == pytest.approx(couple * way * length, rel=1e-6)
+    lagging, lost = stop(path, couple)
+    assert np.abs(lagging).max() == couple.limit and lost[-1] > 0.0
+    largest = np.abs(moment).max()
+    np.testing.assert_allclose(moment, (5e-9 * path + lagging) / 2e-3, rtol=0, atol=1e-6 * largest)
+    np.testing.assert_allclose(states.lost, lost * length, rtol=1e-6, atol=1e-6 * lost[-1] * length)
+    spring = 0.5 * lagging**2 / couple.stiffness * length
+    np.testing.assert_allclose(states.terms[:, 3], spring, rtol=0, atol=1e-6 * spring.max())
+    # All energy is there: the work by the book of forces, and that stored or lost.
+    stored = states.terms.sum(1)
+    np.testing.assert_allclose(
+        states.work, stored + states.lost, rtol=0, atol=0.02 * states.work[-1]
+    )
 
 
 def test_spacings_that_run_away_are_named():
@@ -149,7 +181,7 @@ def test_set_yarn_curls_less_and_comes_to_rest(cotton):
     assert rolls_to(moment, 0.0) == "face"
     assert 0.0 < moment < 0.2 * bend(cotton, "wale", [0.0]).moment_per_width[0]
     rests_at = np.interp(0.0, curve.moment_per_width[::-1], curve.curvature[::-1])
-    assert -1000.0 < rests_at < -100.0
+    assert -1000.0 < rests_at < -10.0
     assert abs(bend(relaxed, "wale", [rests_at]).moment_per_width[0]) < 0.01 * moment
 
 
@@ -172,19 +204,12 @@ def test_moment_is_the_derivative_of_the_relaxed_energy(cotton):
 def test_small_curvature_agrees_with_the_second_derivative(cotton, direction):
     """Slope of the moment at zero curvature: E'' less what the free unknowns give way."""
     model, bent = cotton.model, {"course": 0, "wale": 1}[direction]
-    work, at = new_work(model.scene), model.lattice + 3 * bent
-    scene, free = bent_scene(model, 0.0, bent), model.free(0, 3)
-    pairs = pairs_at(scene, cotton.y, 0.0, work)
-    step = 1e-5
-    gradients, slopes = [], []
-    for angle in (step, -step):
-        energy_of(bent_scene(model, angle, bent), cotton.y, pairs, no_slip(), 1, work)
-        gradients.append(work.gradient[free].copy())
-        slopes.append(work.by_kappa[0] / cotton.y[at])
-    mixed = (gradients[0] - gradients[1]) / (2 * step)
-    energy_of(scene, cotton.y, pairs, no_slip(), 2, work)
+    scene, free = model.scene._replace(bend=Bend(bent)), model.free(0, 3)
+    work, at = new_work(scene), model.lattice + 3 * bent
+    energy_of(scene, cotton.y, pairs_at(scene, cotton.y, 0.0, work), (), np.int64(2), work)
+    mixed = work.hessian[free, -1]
     stiff = work.hessian[np.ix_(free, free)]
-    by_angle = (slopes[0] - slopes[1]) / (2 * step) - mixed @ np.linalg.solve(stiff, mixed)
+    by_angle = work.hessian[-1, -1] - mixed @ np.linalg.solve(stiff, mixed)
     # The angle is curvature times spacing; the moment stands over the transverse spacing at rest.
     expected = by_angle * cotton.y[at] / cotton.y[model.lattice + 3 * (1 - bent)]
     small = 0.02
@@ -210,8 +235,7 @@ def test_mirrored_fabric_has_the_mirrored_curve(cotton, rubbing, direction, spac
     for relaxed in (cotton, rubbing):
         model = relaxed.model
         turned = relaxed.y.copy()
-        slot = model.cell.slot[:, 2]
-        turned[slot[slot >= 0]] *= -1.0
+        turned[: model.cell.count][model.cell.where[:, 2] == 2] *= -1.0
         # Seen from the other side what was above lies below: the last bit of every crossing.
         mirrored = replace(relaxed, model=replace(model, expected=model.expected ^ 1), y=turned)
         path = np.array([0.0, 100.0, 200.0, 100.0, -100.0])
@@ -229,27 +253,22 @@ def test_free_spacings_do_not_know_the_reference_plane(cotton, direction):
     """The plane z = 0 moved by h: the same cylinder has the radius of the mean plane less h."""
     model, h = cotton.model, 0.05e-3
     rows = model.scene.map.rows.copy()
-    rows["offset"][2:-4:3] += h
+    rows["offset"][2:-LATTICE:3] += h
     moved = model.scene._replace(map=model.scene.map._replace(rows=rows))
-    at, free = model.lattice + 3 * direction, model.free(0, 3)
-    bending = Bending(free, at, 100.0, 1e-7, 0.0, 0.0, 1.0, 1.0, 2, model.expected)
     kappa = np.array([0.0, 150.0, -150.0])
     moment = []
     for scene, curvatures in (
         (model.scene, kappa),
         (moved, kappa / (1.0 - kappa * h)),
     ):
-        bent = scene._replace(bend=Bend(0.0, direction, True))
-        states, kept = new_states(STATE, 3), np.empty((3, len(cotton.y)))
-        y = cotton.y.copy()
-        count, _ = follow_bending(
-            bent, model.trace, y, curvatures, bending, model.control, states, kept
+        scene = scene._replace(bend=Bend(direction))
+        _, force, count, _ = follow_curvatures(
+            model, scene, cotton.y, direction, curvatures, model.free(0, 3)
         )
         assert count == 3
-        moment.append(states.moment.copy())
+        moment.append(force[:, -1])
     np.testing.assert_allclose(moment[1], moment[0], rtol=1e-8)
     assert abs(moment[0][1] - moment[0][2]) > 0.01 * abs(moment[0][0])
-    assert flat_moment(bent, cotton.y) == pytest.approx(moment[0][0], rel=1e-8)
 
 
 def test_quarter_and_full_cell_agree(cotton):
@@ -294,13 +313,24 @@ def test_friction_makes_a_loop(cotton, rubbing, direction):
 
 @pytest.mark.parametrize("direction", ["course", "wale"])
 def test_work_is_stored_or_lost_in_yarns_that_lag(direction):
-    """To 1 % of what is lost, as states; the chord over the turn of a step of 25 1/m misses 2 to 5 %."""
-    loop = bend(relax(Fabric(**COTTON, bending_hysteresis=1e-7)), direction, CYCLE)
-    stored = loop.energy.sum(1) - loop.energy.sum(1)[0]
-    assert loop.dissipated[-1] > 0.0
-    np.testing.assert_allclose(
-        loop.work - stored, loop.dissipated, rtol=0, atol=0.01 * loop.dissipated[-1]
+    """What is lost is right in the usual steps; the chord over the sharp turn of the moment is not.
+
+    The yarn yields after 1 per m: a step of 25 per m is a chord over that, and the work by it is off by
+    the square of the step.
+    """
+    relaxed = relax(Fabric(**COTTON, bending_hysteresis=1e-7))
+    usual, half, fine = (
+        bend(relaxed, direction, CYCLE, increment=step) for step in (25.0, 5.0, 1.0)
     )
+    lost = fine.dissipated[-1]
+    assert lost > 0.0
+    books = [
+        np.abs(loop.work - (loop.energy.sum(1) - loop.energy.sum(1)[0]) - loop.dissipated).max()
+        / lost
+        for loop in (usual, half, fine)
+    ]
+    assert books[2] < 2e-4 and books[1] < 0.002 and books[0] < 0.05
+    np.testing.assert_allclose(usual.dissipated, fine.dissipated, rtol=0, atol=0.005 * lost)
 
 
 def test_a_fabric_that_softens_rubs_by_its_own_normal_forces():
@@ -311,17 +341,17 @@ def test_a_fabric_that_softens_rubs_by_its_own_normal_forces():
     """
     case = stress_bending.draw(222)
     relaxed = relaxed_of(case, Resolution(48))
-    path = stress_bending.path()[:27]
+    path = stress_bending.path()[:25]
     curve = bend(relaxed, "wale", path)
-    assert curve.steps == 27
+    assert curve.steps == 25
     angle = curve.curvature * curve.course_spacing
     work = np.mean(curve.moment_per_width[-2:]) * curve.width * np.diff(angle)[-1]
     gain, lost = np.diff(curve.energy.sum(1))[-1], np.diff(curve.dissipated)[-1]
-    assert lost > -gain > 0.0
-    # Normal forces are settled to 2 % of what they rub away.  The chord over a bend of the moment
+    assert -gain > lost > -0.5 * gain
+    # Normal forces are settled to 0.2 % of what they rub away.  The chord over a bend of the moment
     # misses at most 1/12 of its change times the way, where the bend is a parabola level at one end.
     change = abs(np.diff(curve.moment_per_width)[-1]) * curve.width * abs(np.diff(angle)[-1])
-    assert abs(work - gain - lost) < 0.02 * lost + change / 12.0
+    assert abs(work - gain - lost) < 0.002 * lost + change / 12.0
 
 
 def test_a_cell_of_too_many_loops_is_refused(cotton, monkeypatch):

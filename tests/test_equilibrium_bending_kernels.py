@@ -1,22 +1,36 @@
 """The kernels of bending against differences and against slow, obvious twins."""
 
+import itertools
+
 import numpy as np
 import pytest
-from knitsim.equilibrium.kernels.follow_bent import angle_tangent
+from friction_tools import (
+    LAGGING,
+    elongations,
+    potential_of,
+    rub_of,
+    slip_through,
+    sticking_and_sliding,
+    stretched,
+    turned,
+    virgin,
+)
 
 from knitsim.equilibrium.fabric import Fabric
-from knitsim.equilibrium.kernels.contact import place_points
-from knitsim.equilibrium.kernels.curved import Bent, add_curved_yarn, chord_square
-from knitsim.equilibrium.kernels.curved_friction import (
-    add_curved_friction,
-    arm_at,
-    begin_curved_slip,
-    curved_loss,
-    vector_at,
+from knitsim.equilibrium.kernels.curved import chord_square
+from knitsim.equilibrium.kernels.curved_friction import arm_at, vector_at
+from knitsim.equilibrium.kernels.energy import energy_of, new_work
+from knitsim.equilibrium.kernels.pairs import Listed, expand, pairs_at, place_points
+from knitsim.equilibrium.kernels.records import (
+    ANGLE,
+    LATTICE,
+    MAP_ROW,
+    Bend,
+    Map,
+    no_pairs,
+    records,
 )
-from knitsim.equilibrium.kernels.friction import no_slip
-from knitsim.equilibrium.kernels.newton import energy_of, expand, new_work, pairs_at
-from knitsim.equilibrium.kernels.records import Bend
+from knitsim.equilibrium.kernels.slip import add_pairs, begin_slip, end_slip, lag_slip
 from knitsim.equilibrium.relax import relax
 from knitsim.yarn.law import paper_k3
 
@@ -35,88 +49,100 @@ def disturbed(state, size=3e-6, seed=0):
     return y
 
 
-def bent_scene(model, angle, direction):
-    return model.scene._replace(bend=Bend(angle, direction, True))
+def bent(model, y, kappa, direction):
+    """The scene bent along ``direction``, and y with the angle that belongs to the curvature."""
+    at = model.lattice
+    y = y.copy()
+    y[at + ANGLE] = kappa * y[at + 3 * direction]
+    return model.scene._replace(bend=Bend(direction)), y
 
 
-def slip_from(model, y, angle, direction, rub, work):
-    """Friction of a step that starts at y and this angle."""
-    scene = bent_scene(model, angle, direction)
-    pairs = pairs_at(scene, y, 1e-4, work)
-    lattice = expand(scene.map, y, work.x)
-    place_points(scene.touch, work.x, work.points)
-    kappa = angle / lattice[3 * direction]
-    return begin_curved_slip(scene, kappa, work.x, work.points, lattice, pairs, rub), pairs
+def with_history(model, y, kappa, direction, rub):
+    """Friction of a step that ends near y and kappa; some places stick and some slide."""
+    rng, ways = np.random.default_rng(5), []
+    for turn in (-8.0, -3.0, 0.0):
+        moved = y.copy()
+        moved[: model.lattice] += 1e-6 * rng.standard_normal(model.lattice)
+        ways.append(bent(model, moved, kappa + turn, direction)[1])
+    scene, work = bent(model, y, kappa, direction)[0], new_work(model.scene)
+    slip, memory = slip_through(scene, ways, rub, 1e-4, work)
+    assert np.abs(memory.lags["held"] if rub.couple else memory.pairs["held"]).max() > 0.0
+    return slip
 
 
 @pytest.mark.parametrize("direction", [0, 1])
 @pytest.mark.parametrize("kappa", [0.0, 180.0, -90.0])
-@pytest.mark.parametrize(
-    "rub", [(0.0, 1.0, 0.0, 1.0), (0.3, 3e-6, 0.0, 1.0), (0.0, 1.0, 1e-6, 300.0)]
-)
-def test_derivatives_match_differences(cotton, direction, kappa, rub):
-    model, start = cotton.model, disturbed(cotton)
-    work, at = new_work(model.scene), model.lattice + 3 * direction
-    angle = kappa * start[at]
-    slip, pairs = slip_from(model, start, angle - 2e-3, direction, rub, work)
-    y = start + 1e-7 * np.random.default_rng(1).standard_normal(len(start))
+@pytest.mark.parametrize("friction", ["none", "pairs", "yarn"])
+def test_derivatives_match_differences(cotton, direction, kappa, friction):
+    """By all unknowns, the angle among them; with friction its own part alone."""
+    model = cotton.model
+    scene, y = bent(model, disturbed(cotton), kappa, direction)
+    work, slip = new_work(scene), ()
+    if friction != "none":
+        rub = rub_of(COTTON) if friction == "pairs" else rub_of(COTTON, 0.0, LAGGING)
+        slip = with_history(model, y, kappa, direction, rub)
+        springs = elongations(scene, y, slip)
+        which = (slip.pairs, springs[0]) if friction == "pairs" else (slip.lags, springs[1])
+        assert min(sticking_and_sliding(*which)) > 5
+    listed = pairs_at(scene, y, 1e-4, work)
+    # Of an angle the derivatives are couples: over the spacing they are forces as the others.
+    unit = np.ones(len(y))
+    unit[-1] = 1.0 / COTTON.wale_spacing
 
-    def at_angle(angle, y, order):
-        return energy_of(bent_scene(model, angle, direction), y, pairs, slip, order, work)
+    def at(y):
+        whole = energy_of(scene, y, listed, slip, 2, work)
+        parts = whole, unit * work.gradient, np.outer(unit, unit) * work.hessian
+        assert work.terms.min() > 0.0
+        if not slip:
+            return parts
+        smooth = energy_of(scene, y, listed, (), 2, work)
+        less = smooth, unit * work.gradient, np.outer(unit, unit) * work.hessian
+        return tuple(a - b for a, b in zip(parts, less, strict=True))
 
-    energy = at_angle(angle, y, 2)
-    gradient, hessian, w = work.gradient.copy(), work.hessian.copy(), y[at]
-    first, second = work.by_kappa[0] / w, work.by_kappa[1] / w**2
-    lost = rub[0] + rub[2] > 0.0
-    assert (energy > work.terms.sum()) == lost
-    assert work.terms.min() > 0.0
-    # By the angle: the energy, its slope, the gradient (by way of the answer of all unknowns).
-    step = 1e-6
-    up = at_angle(angle + step, y, 1)
-    ends = [(up, work.by_kappa[0] / w, work.gradient.copy())]
-    down = at_angle(angle - step, y, 1)
-    ends.append((down, work.by_kappa[0] / w, work.gradient.copy()))
-    slopes = [(a - b) / (2 * step) for a, b in zip(*ends, strict=True)]
-    assert abs(first) > 1e-7
-    assert slopes[0] == pytest.approx(first, rel=1e-5)
-    assert slopes[1] == pytest.approx(second, rel=1e-6)
-    at_angle(angle, y, 2)
-    everything = np.arange(len(y))
-    work.factor[:] = 0.0
-    np.fill_diagonal(work.factor, 1.0)
-    change = np.empty(len(y))
-    angle_tangent(bent_scene(model, angle, direction), y, everything, work, change)
-    assert np.abs(slopes[2] + change).max() <= 1e-6 * np.abs(change).max() > 0.0
-    # By the unknowns.
-    v = np.random.default_rng(2).standard_normal(len(y))
-    step = 1e-10
-    up = at_angle(angle, y + step * v, 1)
-    gradient_up = work.gradient.copy()
-    down = at_angle(angle, y - step * v, 1)
-    assert (up - down) / (2 * step) == pytest.approx(gradient @ v, rel=1e-6)
-    second = (gradient_up - work.gradient) / (2 * step)
-    assert np.abs(second - hessian @ v).max() <= 3e-6 * np.abs(hessian @ v).max() > 0.0
+    energy, gradient, hessian = at(y)
+    assert energy > 0.0
+    assert np.abs(hessian - hessian.T).max() <= 1e-12 * np.abs(hessian).max()
+    # Random ways soon meet the limit of a spring; the angle is known to fewer digits.
+    ways = [(np.eye(len(y))[-1], 1e-9)]
+    ways += [(v, 1e-10) for v in np.random.default_rng(2).standard_normal((3, len(y)))]
+    assert abs(gradient[-1]) > 1e-4 * np.abs(gradient).max()
+    for v, step in ways:
+        (up, gradient_up, _), (down, gradient_down, _) = (
+            at(y + s * unit * v) for s in (step, -step)
+        )
+        assert (up - down) / (2 * step) == pytest.approx(gradient @ v, rel=2e-5)
+        difference = (gradient_up - gradient_down) / (2 * step)
+        assert np.abs(difference - hessian @ v).max() <= 3e-6 * np.abs(hessian @ v).max() > 0.0
 
 
 def test_flat_fabric_is_the_limit(cotton):
     model, y = cotton.model, disturbed(cotton)
     work = new_work(model.scene)
     pairs = pairs_at(model.scene, y, 1e-4, work)
-    flat = energy_of(model.scene, y, pairs, no_slip(), 2, work)
-    gradient, hessian = work.gradient.copy(), work.hessian.copy()
-    scene = bent_scene(model, 0.0, 0)
-    assert energy_of(scene, y, pairs, no_slip(), 2, work) == pytest.approx(flat, rel=1e-13)
-    np.testing.assert_allclose(work.gradient, gradient, atol=1e-12 * np.abs(gradient).max())
-    np.testing.assert_allclose(work.hessian, hessian, atol=1e-12 * np.abs(hessian).max())
+    for rub in (None, rub_of(COTTON), rub_of(COTTON, 0.0, LAGGING)):
+        slip = with_history(model, y, 0.0, 0, rub) if rub else ()
+        flat = energy_of(model.scene, y, pairs, slip, 2, work)
+        gradient, hessian = work.gradient.copy(), work.hessian.copy()
+        scene, _ = bent(model, y, 0.0, 0)
+        assert energy_of(scene, y, pairs, slip, 2, work) == pytest.approx(flat, rel=1e-13)
+        inner = slice(0, model.lattice + 4)  # the flat fabric knows no angle
+        for found, right in (
+            (work.gradient[inner], gradient[inner]),
+            (work.hessian[inner, inner], hessian[inner, inner]),
+        ):
+            np.testing.assert_allclose(found, right, atol=1e-12 * np.abs(right).max())
 
 
 def yarn_energy(scene, kappa, x):
-    """Energies by term and the derivative by kappa of control points x."""
-    size = 3 * len(x) + 4
-    out = Bent(np.zeros(size), np.zeros((size, size)), np.zeros(size), np.zeros(2))
-    terms = np.zeros(3)
-    add_curved_yarn(scene._replace(bend=Bend(0.0, 0, True)), kappa, x, 1, out, terms)
-    return terms, out.by_kappa[0]
+    """Energies by term and the derivative by kappa of control points x, whatever the map."""
+    spacing = 1e-3
+    rows = records(
+        MAP_ROW, x.size + LATTICE, offset=[*x.ravel(), spacing, 0, 0, spacing, kappa * spacing]
+    )
+    scene = scene._replace(map=Map(rows, scene.map.entries), bend=Bend(0))
+    work = new_work(scene)
+    energy_of(scene, np.zeros(len(scene.load)), Listed(*no_pairs(), (), ()), (), 1, work)
+    return work.terms, work.bent.by_kappa[0]
 
 
 def test_straight_yarn_round_a_cylinder_keeps_its_own_rigidity(cotton):
@@ -189,45 +215,76 @@ def test_slip_is_that_in_the_frame_that_turns_with_the_fabric():
         np.testing.assert_allclose(moved, got, atol=1e-17)
 
 
-def test_friction_potential_is_the_sum_over_the_pairs(cotton):
-    """Written out in plain arrays: mu N f0(|u|), and the loss mu N u f1."""
-    model, direction = cotton.model, 1
-    work, rounding, friction = new_work(model.scene), 2e-7, 0.3
-    slip, pairs = slip_from(model, cotton.y, 0.0, direction, (friction, rounding, 0.0, 1.0), work)
-    y, angle = disturbed(cotton, 1e-7, 4), 0.03
+@pytest.mark.parametrize("direction", [None, 0, 1])
+def test_friction_is_the_sum_over_the_pairs(cotton, direction):
+    """Two steps, written out in plain arrays pair by pair: elongations, potential, losses, memory."""
+    model = cotton.model
+    rub, work = rub_of(COTTON), new_work(model.scene)
+    ways = [
+        bent(model, disturbed(cotton, 1e-6, seed), kappa, direction or 0)[1]
+        for seed, kappa in ((1, 40.0), (2, 45.0), (3, 35.0))
+    ]
+    scene, memory = model.scene, virgin(rub)
+    if direction is not None:
+        scene = scene._replace(bend=Bend(direction))
 
-    def pair_at(y, i, k, g):
-        """The two points in the fabric's coordinates, bent axis first."""
-        image, points = model.scene.touch.images[g], work.points
-        expand(model.scene.map, y, work.x)
-        place_points(model.scene.touch, work.x, points)
-        other = image.sign * points[k]
-        other[:2] += image.steps @ y[model.lattice :].reshape(2, 2)
-        return points[i][[1, 0, 2]], other[[1, 0, 2]]
+    def vector(y, pair):
+        """From the image of the one point to the other, in the frame half way between them."""
+        i, k, g = pair
+        image = scene.touch.images[g]
+        expand(scene.map, y, work.x)
+        place_points(scene.touch, work.x, work.points)
+        own, other = work.points[i].copy(), image.sign * work.points[k]
+        other[:2] += image.steps @ y[model.lattice : -1].reshape(2, 2)
+        if direction is None:
+            return own - other
+        kappa = y[-1] / y[model.lattice + 3 * direction]
+        order = [0, 1, 2] if direction == 0 else [1, 0, 2]
+        return in_turning_frame(own[order], other[order], kappa)
 
-    kappa = angle / y[model.lattice + 3]
-    potential = lost = 0.0
-    for (i, k, g), weight, rub in zip(*pairs, slip.pairs, strict=True):
-        a, b = pair_at(cotton.y, i, k, g)
-        before = a - b
-        after = in_turning_frame(*pair_at(y, i, k, g), kappa)
-        x = np.linalg.norm(before) / COTTON.diameter
+    def limit_at(d, weight):
+        x = np.linalg.norm(d) / COTTON.diameter
         force = 2e3 * (1 / x - x) * (1 / x**2 + 1) / COTTON.diameter * weight if x < 1.0 else 0.0
-        normal = before / np.linalg.norm(before)
-        u = after - before
-        size = np.linalg.norm(u - normal * (u @ normal))
-        s = min(size / rounding, 1.0)
-        inside = rounding * (s**2 - s**3 / 3.0)
-        potential += friction * force * (inside + max(size - rounding, 0.0))
-        lost += friction * force * size * (2 * s - s**2)
-        assert rub["limit"] == pytest.approx(friction * force, rel=1e-9, abs=1e-15)
-    lattice = expand(model.scene.map, y, work.x)
-    place_points(model.scene.touch, work.x, work.points)
-    scene = bent_scene(model, angle, direction)
-    size = len(work.expanded)
-    out = Bent(np.zeros(size), np.zeros((size, size)), np.zeros(size), np.zeros(2))
-    got = add_curved_friction(scene, kappa, work.points, lattice, slip, 0, out)
-    assert got == pytest.approx(potential, rel=1e-9)
-    assert potential > 0.0
-    loss = curved_loss(scene, kappa, work.x, work.points, lattice, slip)
-    assert loss == pytest.approx(lost, rel=1e-9)
+        return rub.friction * force
+
+    remembered = {}
+    for start, end in itertools.pairwise(ways):
+        listed = pairs_at(scene, start, 1e-4, work)
+        slip = begin_slip(scene, start, listed, rub, memory, work)
+        lag_slip(scene, end, slip, rub, work)
+        potential = lost = held = 0.0
+        after = {}
+        for pair, weight in zip(listed.pairs.tolist(), listed.weight, strict=True):
+            here, there = vector(start, pair), vector(end, pair)
+            normal, k = there / np.linalg.norm(there), rub.shell * weight
+            e0, facing = remembered.get(tuple(pair), (np.zeros(3), np.zeros(3)))
+            e = stretched(here, there, normal, e0, facing)
+            before, limit, size = limit_at(here, weight), limit_at(there, weight), np.linalg.norm(e)
+            if limit == before == 0.0:
+                continue
+            potential += potential_of(size, k, limit) if limit > 0.0 else 0.0
+            kept = min(1.0, limit / (k * size))
+            if kept < 1.0:
+                # Straight from e0 to e: where it last rises above a limit that changes evenly.
+                e0, t = turned(e0, facing, normal), np.linspace(0.0, 1.0, 2001)
+                allowed = before + t * (limit - before)
+                below = np.linalg.norm(e0 + np.outer(t, e - e0), axis=1) * k < (1 - 1e-9) * allowed
+                onset = allowed[np.flatnonzero(below)[-1] + 1] if below.any() else before
+                lost += 0.5 * (onset + limit) * (1.0 - kept) * size
+            held += 0.5 * k * (kept * size) ** 2
+            if kept > 0.0:
+                after[tuple(pair)] = (kept * e, normal)
+        lattice = expand(scene.map, end, work.x)
+        place_points(scene.touch, work.x, work.points)
+        found = add_pairs(scene, lattice, slip, 0, work)
+        assert found == pytest.approx(potential, rel=1e-9) and found > 0.0
+        memory, found_lost, found_held = end_slip(scene, end, slip, work)
+        assert found_lost == pytest.approx(lost, rel=1e-3) and lost > 0.01 * held
+        assert found_held == pytest.approx(held, rel=1e-9) and held > 0.0
+        assert {tuple(row["pair"].tolist()) for row in memory.pairs} == set(after)
+        for row in memory.pairs:
+            e, normal = after[tuple(row["pair"].tolist())]
+            np.testing.assert_allclose(row["held"], e, atol=1e-9 * np.linalg.norm(e))
+            np.testing.assert_allclose(row["facing"], normal, atol=1e-12)
+        remembered = after
+    assert len(remembered) > 50

@@ -1,18 +1,21 @@
 """Cells of several loops: the condition on sliding, the sparse solver, stability of the symmetric loop."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from friction_tools import LAGGING, elongations, rub_of, slip_through, sticking_and_sliding
 
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.kernels.crossings import crossings_of
-from knitsim.equilibrium.kernels.follow import place_points
-from knitsim.equilibrium.kernels.friction import begin_slip, no_slip
-from knitsim.equilibrium.kernels.newton import energy_of, expand, new_work, pairs_at
+from knitsim.equilibrium.kernels.energy import energy_of, new_work
+from knitsim.equilibrium.kernels.pairs import expand, pairs_at, place_points
+from knitsim.equilibrium.kernels.records import LATTICE
 from knitsim.equilibrium.large.assembly import crossings_in_grid
-from knitsim.equilibrium.large.linear import Linear, factor_of, new_sparse_work, place, sparse_pairs
-from knitsim.equilibrium.model import build_model
+from knitsim.equilibrium.large.linear import Linear, factor_of, new_sparse_work, sparse_pairs
+from knitsim.equilibrium.model import build_model, carried
 from knitsim.equilibrium.pull import tensile
-from knitsim.equilibrium.relax import is_intact, relax, spread
+from knitsim.equilibrium.relax import is_intact, relax
 from knitsim.equilibrium.stability import lowest_stiffness
 from knitsim.errors import InputError
 from knitsim.yarn.law import paper_k3
@@ -33,8 +36,8 @@ def coarse():
 def block(one, wales, courses, noise=0.0, sparse=True):
     """A model of several loops like ``one`` and its unknowns, moved at random by ``noise`` (m)."""
     size = Resolution(*COARSE, "full", wales, courses)
-    model = build_model(one.model.fabric, size, sparse)
-    y = spread(model, one.model, one.y)
+    model = build_model(one.model.fabric, size, sparse=sparse)
+    y = carried(model, one.model, one.y)
     return model, y + noise * np.random.default_rng(3).standard_normal(len(y))
 
 
@@ -49,14 +52,13 @@ def dense_at(model, y, slip):
 @pytest.mark.parametrize(("wales", "courses"), [(1, 1), (2, 1), (1, 2), (3, 2)])
 def test_grid_finds_the_pairs_and_crossings_of_the_full_search(coarse, wales, courses):
     model, y = block(coarse, wales, courses, noise=5e-6)
-    pairs, work = dense_at(model, y, no_slip())
+    pairs, work = dense_at(model, y, ())
     found = sparse_pairs(
         model.scene, y, model.control.skin, new_sparse_work(model.cell, model.scene)
     )
-    mine, theirs = (p[np.lexsort(p.T)] for p in (found[0], pairs[0]))
-    np.testing.assert_array_equal(mine, theirs)
-    order = np.lexsort(found[0].T), np.lexsort(pairs[0].T)
-    np.testing.assert_array_equal(found[1][order[0]], pairs[1][order[1]])
+    # In the same order: that in which friction remembers.
+    for name in ("pairs", "weight", "center", "reach"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(pairs, name), err_msg=name)
 
     lattice = expand(model.scene.map, y, work.x)
     points = np.empty((model.trace.points.size, 3))
@@ -66,28 +68,33 @@ def test_grid_finds_the_pairs_and_crossings_of_the_full_search(coarse, wales, co
     np.testing.assert_array_equal(code[np.argsort(where)], plain)
     assert is_intact(model, y)
     purl = y.copy()
-    purl[model.cell.slot[:, 2][model.cell.slot[:, 2] >= 0]] *= -1.0
+    purl[: model.cell.count][model.cell.where[:, 2] == 2] *= -1.0
     assert not is_intact(model, purl)
 
 
-@pytest.mark.parametrize("rubs", [False, True])
+@pytest.mark.parametrize("friction", ["none", "pairs", "yarn"])
 @pytest.mark.parametrize(("wales", "courses"), [(1, 1), (2, 1), (1, 3)])
-def test_sparse_hessian_is_the_dense_one(coarse, wales, courses, rubs):
+def test_sparse_hessian_is_the_dense_one(coarse, wales, courses, friction):
     model, y = block(coarse, wales, courses, noise=5e-7)
     sparse = new_sparse_work(model.cell, model.scene)
     pairs = sparse_pairs(model.scene, y, model.control.skin, sparse)
-    slip = no_slip()
-    if rubs:
-        lattice = place(model.scene, y, sparse)
-        slip = begin_slip(model.scene, sparse.work.points, lattice, pairs, 0.3, 1e-6)
-        y = y + 1e-7 * np.random.default_rng(4).standard_normal(len(y))
+    slip = ()
+    if friction != "none":
+        rub = rub_of(model.fabric, *((0.3,) if friction == "pairs" else (0.0, LAGGING)))
+        rng = np.random.default_rng(4)
+        size = 5e-7 if friction == "pairs" else 2e-6
+        ways = [y + size * rng.standard_normal(len(y)) for _ in range(3)]
+        slip = slip_through(model.scene, ways, rub, model.control.skin, new_work(model.scene))[0]
+        springs = elongations(model.scene, y, slip)
+        which = (slip.pairs, springs[0]) if friction == "pairs" else (slip.lags, springs[1])
+        assert min(sticking_and_sliding(*which)) > 10
     _, work = dense_at(model, y, slip)
     linear = Linear(model.scene, y, pairs, slip, np.array([0, 3]), sparse)
     # The products with unit vectors, against the columns of the dense matrix.  The sparse matrix
-    # holds one control point's thickness, the dense one the mean of the loop.
+    # holds one control point's thickness, the dense one the mean of all.
     count = model.cell.count
     to_y = np.eye(count)
-    to_y[np.ix_(sparse.thick, sparse.first_thick)] -= 1.0 / model.cell.points
+    to_y[np.ix_(sparse.thick, sparse.thick)] -= 1.0 / len(sparse.unknown)
     full = np.zeros((count + 2, count + 2))
     full[:count, :count] = to_y[:, sparse.order]
     full[count:, count:] = np.eye(2)
@@ -103,15 +110,15 @@ def test_sparse_step_solves_the_dense_problem(coarse):
     free = model.free(0)
     sparse = new_sparse_work(model.cell, model.scene)
     pairs = sparse_pairs(model.scene, y, model.control.skin, sparse)
-    linear = Linear(model.scene, y, pairs, no_slip(), np.array([0]), sparse)
+    linear = Linear(model.scene, y, pairs, (), np.array([0]), sparse)
     assert linear.ready()
-    _, work = dense_at(model, y, no_slip())
+    _, work = dense_at(model, y, ())
     step = linear.answer(-work.gradient)
     left = (work.hessian @ step + work.gradient)[free]
     assert np.abs(left).max() < 1e-5 * np.abs(work.gradient[free]).max()
     assert not step[model.lattice + 1 :].any()
     # The change of the gradient with the spacing that is prescribed.
-    by_course = linear.by_lattice(np.array([0.0, 0.0, 0.0, 1.0]))
+    by_course = linear.by_lattice(np.array([0.0, 0.0, 0.0, 1.0, 0.0]))
     column = work.hessian[:, model.lattice + 3]
     assert np.abs(by_course - column).max() < 1e-9 * np.abs(column).max()
 
@@ -140,7 +147,7 @@ def sliding_force(model, y):
     """Force (N) of the condition that the middles of two legs lie at the same height."""
     work = new_work(model.scene)
     pairs = pairs_at(model.scene, y, 0.0, work)
-    energy_of(model.scene, y, pairs, no_slip(), np.int64(1), work)
+    energy_of(model.scene, y, pairs, (), np.int64(1), work)
     right = model.cell.chain + 1 + 3 * model.cell.points // 4
     return np.abs(work.expanded[3 * right + 1]).max()
 
@@ -148,7 +155,7 @@ def sliding_force(model, y):
 def test_sliding_is_held_and_translation_too(coarse):
     """Rigid translation and sliding each change what the cell holds; nothing soft is left over."""
     model, y = block(coarse, 1, 2, sparse=False)
-    _, work = dense_at(model, y, no_slip())
+    _, work = dense_at(model, y, ())
     free = model.free(0, 3)
     soft = np.linalg.eigvalsh(work.hessian[np.ix_(free, free)])[0]
     # A free slide would show as 0 up to the cutting into points (0.03 N/m before it was held).
@@ -172,7 +179,7 @@ def test_sparse_and_dense_follow_the_same_path(coarse):
     curves = []
     for sparse in (True, False):
         model, y = block(coarse, 2, 1, sparse=sparse)
-        start = type(coarse)(model, y, coarse.energy, 0.0, 0.5, 0, True, None)
+        start = replace(coarse, model=model, y=y)
         curves.append(tensile(start, "course", [0.05, 0.15], lateral="held"))
     for name in ("force_per_loop", "work", "forces", "energy"):
         a, b = (getattr(c, name) for c in curves)
@@ -185,12 +192,12 @@ def test_lowest_stiffness_is_the_lowest_eigenvalue(coarse):
     model = build_model(coarse.model.fabric, Resolution(*COARSE, "full", 1, 2))
     sparse = new_sparse_work(model.cell, model.scene)
     # In the matrix that holds one control point instead of the mean thickness.
-    turn = np.eye(model.cell.count + 4)
-    turn[np.ix_(sparse.thick, sparse.first_thick)] -= 1.0 / model.cell.points
+    turn = np.eye(model.cell.count + LATTICE)
+    turn[np.ix_(sparse.thick, sparse.thick)] -= 1.0 / len(sparse.unknown)
     free = model.free(3)
     for i in range(2):
-        y = spread(model, coarse.model, curve.y[i])
-        _, work = dense_at(model, y, no_slip())
+        y = carried(model, coarse.model, curve.y[i])
+        _, work = dense_at(model, y, ())
         hessian = (turn.T @ work.hessian @ turn)[np.ix_(free, free)]
         assert found[i] == pytest.approx(np.linalg.eigvalsh(hessian)[0], rel=1e-5)
 
@@ -209,10 +216,10 @@ def test_pulled_loops_without_friction_would_exchange_yarn():
 def test_a_saddle_has_no_factor(coarse):
     curve = tensile(coarse, "course", [1.0])
     model, _ = block(coarse, 2, 2)
-    y = spread(model, coarse.model, curve.y[0])
+    y = carried(model, coarse.model, curve.y[0])
     sparse = new_sparse_work(model.cell, model.scene)
     pairs = sparse_pairs(model.scene, y, 0.0, sparse)
-    linear = Linear(model.scene, y, pairs, no_slip(), NO_FREE, sparse)
+    linear = Linear(model.scene, y, pairs, (), NO_FREE, sparse)
     assert factor_of(linear) is None
     assert linear.factorise()
     assert sparse.factor.shift > 0.0
@@ -222,9 +229,9 @@ def test_a_saddle_has_no_factor(coarse):
     assert linear.answer(push) @ push > 0.0
 
 
-def test_stability_is_asked_of_the_quarter(coarse):
+def test_stability_is_asked_of_the_symmetric_cell(coarse):
     full = relax(Fabric(**COTTON), Resolution(*COARSE, cell="full"))
-    with pytest.raises(InputError, match="quarter"):
+    with pytest.raises(InputError, match="symmetric"):
         lowest_stiffness(tensile(full, "course", [0.1]), 2, 2)
 
 

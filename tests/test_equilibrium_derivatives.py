@@ -4,18 +4,27 @@ import math
 
 import numpy as np
 import pytest
+from friction_tools import (
+    LAGGING,
+    elongations,
+    potential_of,
+    rub_of,
+    slip_through,
+    sticking_and_sliding,
+)
 
 from knitsim.equilibrium import cell as cells
 from knitsim.equilibrium import spline
 from knitsim.equilibrium.contact import BarrierContact, CoreContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
-from knitsim.equilibrium.kernels.contact import law_at, place_points
+from knitsim.equilibrium.kernels.contact import law_at
+from knitsim.equilibrium.kernels.energy import energy_of, new_work
 from knitsim.equilibrium.kernels.fixtures import add_couples
-from knitsim.equilibrium.kernels.friction import begin_slip, no_slip, rise_at
-from knitsim.equilibrium.kernels.newton import energy_of, expand, new_work, pairs_at
-from knitsim.equilibrium.kernels.records import COUPLE, records
+from knitsim.equilibrium.kernels.friction import spring_at
+from knitsim.equilibrium.kernels.pairs import pairs_at
+from knitsim.equilibrium.kernels.records import COUPLE, CYLINDER, LATTICE, Fixtures, records
 from knitsim.equilibrium.kernels.yarn import bend_at, stretch_at
-from knitsim.equilibrium.model import build_model, centreline, refine, rounded_law, with_set
+from knitsim.equilibrium.model import build_model, centreline, resampled, rounded_law, with_set
 from knitsim.equilibrium.relax import start_from
 from knitsim.yarn.law import TensionLaw, bilinear, paper_k3
 
@@ -26,58 +35,84 @@ COTTON = dict(
 SOFT = CoreContact(core_diameter=0.15e-3, stiffness=2e9, exponent=2.4)
 
 
-def model_and_state(cell="quarter", contact=None, set_fraction=0.0, seed=0):
-    fabric = Fabric(**COTTON, contact=contact or BarrierContact(1000.0), set_fraction=set_fraction)
+def model_and_state(cell="symmetric", contact=None, set_fraction=0.0, spin="held", seed=0):
+    contact = contact or BarrierContact(1000.0)
+    fabric = Fabric(**COTTON, contact=contact, set_fraction=set_fraction, spin=spin)
     model = build_model(fabric, Resolution(24, cell=cell))
     y = start_from(model, fabric.diameter, 1.19 * fabric.diameter)
     if set_fraction:
         model = with_set(model, y)
     rng = np.random.default_rng(seed)
     y[: model.lattice] += 0.02 * fabric.diameter * rng.standard_normal(model.lattice)
-    y[model.lattice :] += 0.02 * fabric.diameter * rng.standard_normal(4)
-    if cell == "quarter":
+    y[model.lattice : -1] += 0.02 * fabric.diameter * rng.standard_normal(4)
+    if cell == "symmetric":
         y[model.lattice + 1 : model.lattice + 3] = 0.0
     return model, y
 
 
-def friction_slip(model, y):
-    """Friction pairs of a step that started a little away from y."""
-    work = new_work(model.scene)
-    rng = np.random.default_rng(5)
-    start = y + 1e-3 * model.fabric.diameter * rng.standard_normal(len(y))
-    pairs = pairs_at(model.scene, start, model.control.skin, work)
-    lattice = expand(model.scene.map, start, work.x)
-    place_points(model.scene.touch, work.x, work.points)
-    slip = begin_slip(model.scene, work.points, lattice, pairs, 0.3, 2e-3 * model.fabric.diameter)
-    assert slip.pairs["limit"].max() > 0.0
+def with_history(model, y, rub):
+    """Friction of a step that ends near y, after another one; some places stick and some slide."""
+    work, rng = new_work(model.scene), np.random.default_rng(5)
+    size = np.full(len(y), 8e-3 * model.fabric.diameter)
+    size[-1] = 0.0
+    ways = [y + size * rng.standard_normal(len(y)) for _ in range(3)]
+    slip, memory = slip_through(model.scene, ways, rub, model.control.skin, work)
+    if rub.friction > 0.0:
+        assert np.abs(memory.pairs["held"]).max() > 0.0
+    if rub.couple:
+        assert np.abs(memory.lags["held"]).max() > 0.0
     return slip
 
 
-@pytest.mark.parametrize("friction", [False, True])
+@pytest.mark.parametrize("friction", ["none", "pairs", "yarn"])
 @pytest.mark.parametrize(
     "case",
-    [("quarter", None, 0.0), ("full", None, 0.0), ("quarter", SOFT, 0.0), ("full", None, 0.6)],
-    ids=["quarter", "full", "core", "set"],
+    [
+        ("symmetric", None, 0.0),
+        ("full", None, 0.0),
+        ("symmetric", SOFT, 0.0),
+        ("full", None, 0.6),
+        ("full", None, 0.6, "free"),
+    ],
+    ids=["symmetric", "full", "core", "set", "set-free"],
 )
 def test_gradient_and_hessian_match_differences(case, friction):
     model, y = model_and_state(*case)
-    work = new_work(model.scene)
-    pairs = pairs_at(model.scene, y, 0.5 * model.fabric.diameter, work)
-    slip = friction_slip(model, y) if friction else no_slip()
-    energy_of(model.scene, y, pairs, slip, 2, work)
-    gradient, hessian = work.gradient.copy(), work.hessian.copy()
-    assert work.terms.min() > 0.0  # stretch, bending and contact are all at work
+    scene, work = model.scene, new_work(model.scene)
+    pairs = pairs_at(scene, y, 0.5 * model.fabric.diameter, work)
+    slip = ()
+    if friction == "pairs":
+        slip = with_history(model, y, rub_of(model.fabric))
+        springs = elongations(scene, y, slip)[0]
+        assert min(sticking_and_sliding(slip.pairs, springs)) > 10
+    elif friction == "yarn":
+        slip = with_history(model, y, rub_of(model.fabric, 0.0, LAGGING))
+        springs = elongations(scene, y, slip)[1]
+        assert min(sticking_and_sliding(slip.lags, springs)) > 5
+
+    def at(y):
+        """Energy, gradient and Hessian; with friction its own part alone."""
+        whole = energy_of(scene, y, pairs, slip, 2, work)
+        parts = whole, work.gradient.copy(), work.hessian.copy()
+        assert work.terms.min() > 0.0  # stretch, bending and contact are all at work
+        if not slip:
+            return parts
+        smooth = energy_of(scene, y, pairs, (), 2, work)
+        return tuple(
+            a - b for a, b in zip(parts, (smooth, work.gradient, work.hessian), strict=True)
+        )
+
+    energy, gradient, hessian = at(y)
+    assert energy > 0.0
     assert np.abs(hessian - hessian.T).max() <= 1e-12 * np.abs(hessian).max()
+    assert not gradient[-1] and not hessian[-1].any()  # a flat fabric has no angle
     rng = np.random.default_rng(1)
     step = 1e-6 * model.fabric.diameter
     for _ in range(5):
         v = rng.standard_normal(len(y))
-        up = energy_of(model.scene, y + step * v, pairs, slip, 1, work)
-        gradient_up = work.gradient.copy()
-        down = energy_of(model.scene, y - step * v, pairs, slip, 1, work)
-        gradient_down = work.gradient.copy()
-        assert abs(gradient @ v) > 1e-4 * np.linalg.norm(gradient)
-        assert (up - down) / (2 * step) == pytest.approx(gradient @ v, rel=1e-6)
+        (up, gradient_up, _), (down, gradient_down, _) = at(y + step * v), at(y - step * v)
+        assert abs(gradient @ v) > 1e-3 * np.linalg.norm(gradient)
+        assert (up - down) / (2 * step) == pytest.approx(gradient @ v, rel=1e-5 if slip else 1e-6)
         difference = (gradient_up - gradient_down) / (2 * step)
         assert np.abs(hessian @ v).max() > 0.0
         assert np.abs(difference - hessian @ v).max() <= 2e-6 * np.abs(hessian @ v).max()
@@ -86,9 +121,9 @@ def test_gradient_and_hessian_match_differences(case, friction):
 def brute_energy(model, y):
     """Energies per loop of a full cell of one loop, from the formulas, without pair lists."""
     fabric, n = model.fabric, model.cell.points
-    loop = cells.loop_of(model.cell, y)
+    loop = cells.loops_of(model.cell, y)[0]
     lattice = y[model.lattice :]
-    a1, a2 = np.array([*lattice[:2], 0.0]), np.array([*lattice[2:], 0.0])
+    a1, a2 = np.array([*lattice[:2], 0.0]), np.array([*lattice[2:4], 0.0])
     chain = np.concatenate([loop[-1:] - a1, loop, loop[:2] + a1])
     h = fabric.loop_length / n
     stretch = bend = 0.0
@@ -120,7 +155,7 @@ def test_energy_of_the_full_cell_matches_brute_force():
     model, y = model_and_state("full")
     work = new_work(model.scene)
     pairs = pairs_at(model.scene, y, 0.1 * model.fabric.diameter, work)
-    energy_of(model.scene, y, pairs, no_slip(), 0, work)
+    energy_of(model.scene, y, pairs, (), 0, work)
     expected = brute_energy(model, y)
     assert expected.min() > 0.0
     # The kernels round the kink of the tension law; none of the strains lies near it.
@@ -131,12 +166,12 @@ def test_energy_of_the_full_cell_matches_brute_force():
 def test_quarter_and_full_cell_have_the_same_energy():
     fabric = Fabric(**COTTON)
     terms = []
-    for cell in ("quarter", "full"):
+    for cell in ("symmetric", "full"):
         model = build_model(fabric, Resolution(24, cell=cell))
         y = start_from(model, fabric.diameter, 1.19 * fabric.diameter)
         work = new_work(model.scene)
         pairs = pairs_at(model.scene, y, 0.1 * fabric.diameter, work)
-        energy_of(model.scene, y, pairs, no_slip(), 0, work)
+        energy_of(model.scene, y, pairs, (), 0, work)
         terms.append(work.terms.copy())
     assert min(terms[0]) > 0.0
     np.testing.assert_allclose(terms[0], terms[1], rtol=1e-12)
@@ -144,7 +179,7 @@ def test_quarter_and_full_cell_have_the_same_energy():
 
 def test_translation_and_period_change_nothing():
     model, y = model_and_state("full")
-    loop = cells.loop_of(model.cell, y)
+    loop = cells.loops_of(model.cell, y)[0]
     lattice = y[model.lattice :]
 
     def energy(points):
@@ -154,12 +189,12 @@ def test_translation_and_period_change_nothing():
         step = np.array([*lattice[:2], 0.0])
         chain = np.concatenate([points[-1:] - step, points, points[:2] + step])
         rows = chain.shape[0] * 3
-        free = cells.to_map([[{3 * i + a: 1.0} for a in range(3)] for i in range(len(chain))], rows)
-        scene = model.scene._replace(map=free, load=np.zeros(rows + 4))
+        free = cells.to_map([{i: 1.0} for i in range(rows)], rows)
+        scene = model.scene._replace(map=free, load=np.zeros(rows + LATTICE))
         full = np.concatenate([chain.ravel(), lattice])
         work = new_work(scene)
         pairs = pairs_at(scene, full, 0.1 * model.fabric.diameter, work)
-        return energy_of(scene, full, pairs, no_slip(), 0, work)
+        return energy_of(scene, full, pairs, (), 0, work)
 
     reference = energy(loop)
     assert reference > 0.0
@@ -223,7 +258,10 @@ def test_bending_energy_with_rest_curvature():
 
 def test_contact_laws_follow_their_formulas():
     d = 0.3e-3
-    barrier, core = BarrierContact(800.0).array(d), CoreContact(0.1e-3, 3e9, 2.4).array(d)
+    barrier, core = (
+        BarrierContact(800.0).for_kernels(d),
+        CoreContact(0.1e-3, 3e9, 2.4).for_kernels(d),
+    )
     for x in (0.4, 0.7, 0.99):
         assert law_at((x * d) ** 2, barrier)[0] == pytest.approx(800.0 * (1 - x**2) ** 2 / x**2)
         delta, p = 0.2e-3, 2.4
@@ -241,33 +279,37 @@ def test_contact_laws_follow_their_formulas():
     assert law_at((0.1e-3) ** 2, core)[0] == math.inf
 
 
-def test_friction_rises_to_coulomb():
-    rounding = 2e-6
-    for size in (1e-9, 1e-6, 1.999e-6, 2.001e-6, 1e-5):
-        _, over, f2 = rise_at(size, rounding)
-        step = 1e-4 * rounding * min(1.0, size / rounding)
-        up, down = rise_at(size + step, rounding), rise_at(size - step, rounding)
+def test_friction_is_elastic_up_to_coulomb():
+    stiffness, limit = 130.0, 3e-4
+    yields = limit / stiffness
+    for size in (1e-3 * yields, 0.5 * yields, 0.999 * yields, 1.001 * yields, 5.0 * yields):
+        energy, over, more = spring_at(size, stiffness, limit)
+        assert energy == pytest.approx(potential_of(size, stiffness, limit), rel=1e-13)
+        step = 1e-4 * size
+        up, down = (spring_at(s, stiffness, limit) for s in (size + step, size - step))
         assert (up[0] - down[0]) / (2 * step) == pytest.approx(over * size, rel=1e-5)
         difference = (up[1] * (size + step) - down[1] * (size - step)) / (2 * step)
-        assert difference == pytest.approx(f2, rel=1e-5, abs=2e-4 / rounding)
-        assert over * size <= 1.0 + 1e-15
-    assert rise_at(rounding, rounding)[1] * rounding == pytest.approx(1.0)
+        slope = stiffness if size < yields else 0.0
+        assert over + more == pytest.approx(slope, abs=1e-9 * stiffness)
+        assert difference == pytest.approx(slope, rel=1e-6, abs=1e-6 * stiffness)
+        assert over * size == pytest.approx(min(stiffness * size, limit), rel=1e-13)
 
 
 def test_pairs_match_a_double_loop():
     model, y = model_and_state("full")
     work = new_work(model.scene)
     reach = 1.3 * model.fabric.diameter
-    pairs, weight = pairs_at(model.scene, y, 0.3 * model.fabric.diameter, work)
+    pairs, weight, center, reached = pairs_at(model.scene, y, 0.3 * model.fabric.diameter, work)
+    assert reached == pytest.approx(reach) and center.tobytes() == y.tobytes()
     touch, points, lattice = model.scene.touch, work.points, y[model.lattice :]
-    a1, a2 = np.array([*lattice[:2], 0]), np.array([*lattice[2:], 0])
+    a1, a2 = np.array([*lattice[:2], 0]), np.array([*lattice[2:4], 0])
     expected = set()
     for g in range(len(touch.images)):
         shift = touch.images.steps[g, 0] * a1 + touch.images.steps[g, 1] * a2
         near = np.linalg.norm(points[:, None] - points[None] - shift, axis=2) < reach
         for i, k in zip(*np.nonzero(near), strict=True):
             gap = abs(touch.points.arc[i] - touch.points.arc[k] - touch.images.arc_shift[g])
-            if touch.images.same[g] and gap < touch.exclude:
+            if touch.images.up[g] == 0 and gap < touch.exclude:
                 continue
             # Each unordered pair once: (i, k, g) and (k, i, inverse of g) are the same.
             expected.add(min((i, k, g), (k, i, touch.images.inverse[g])))
@@ -288,28 +330,36 @@ def test_couple_is_the_angle_of_the_tangent():
         normal=[0.0, 0.0, 1.0],
         reference=[1.0, 0.0, 0.0],
     )
+    fixtures = Fixtures(records(CYLINDER, 0), couples)
+
+    def at(x):
+        """Energy, gradient by control points, its matrix."""
+        scene = model_and_state()[0].scene._replace(fixtures=fixtures)
+        work = new_work(scene)._replace(
+            x=x.reshape(4, 3), expanded=np.zeros(12), half=np.zeros((12, 12))
+        )
+        return add_couples(scene, np.int64(2), work), work.expanded, work.half
+
     v = spline.basis_first([1.0])[0] @ x
-    gradient, half = np.zeros(16), np.zeros((16, 16))
-    energy = add_couples(couples, x, 2, gradient, half)
+    energy, gradient, half = at(x)
     assert energy == pytest.approx(-0.7 * math.atan2(v[1], v[0]))
     hessian = half + half.T
     step = 1e-6
     for i in range(12):
         moved = x.copy().ravel()
         moved[i] += step
-        up_gradient = np.zeros(16)
-        up = add_couples(couples, moved.reshape(4, 3), 1, up_gradient, half)
+        up, up_gradient, _ = at(moved)
         assert (up - energy) / step == pytest.approx(gradient[i], rel=1e-4, abs=1e-5)
         np.testing.assert_allclose(
-            (up_gradient - gradient)[:12] / step, hessian[i, :12], rtol=1e-3, atol=1e-5
+            (up_gradient - gradient) / step, hessian[i], rtol=1e-3, atol=1e-5
         )
     assert np.abs(gradient).max() > 0.1
 
 
 def test_subdivision_keeps_the_curve():
-    model, y = model_and_state("quarter")
+    model, y = model_and_state("symmetric")
     fine = build_model(model.fabric, model.resolution.refined(model.fabric))
-    doubled = refine(model, y, fine)
+    doubled = resampled(model, y, fine)
     np.testing.assert_allclose(
         centreline(fine, doubled, per_span=1),
         centreline(model, y, per_span=2),

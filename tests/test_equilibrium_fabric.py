@@ -42,7 +42,7 @@ def test_relaxed_cotton(cotton):
     assert cotton.course_spacing == pytest.approx(1.008e-3, abs=1e-6)
     assert cotton.residual <= SMALL_FORCE
     assert cotton.crossings_intact
-    assert cotton.energy.min() > 0.0
+    assert cotton.energy[:3].min() > 0.0 == cotton.energy[3]
 
 
 def test_forces_of_the_cotton(cotton, course):
@@ -131,7 +131,7 @@ def test_refinement_converges_and_the_estimate_bounds_the_error():
     fabric = Fabric(**COTTON)
     curves = [
         tensile(relax(fabric, Resolution(n, 8 * n)), "course", strains, estimate_error=n < 80)
-        for n in (24, 40, 80, 160)
+        for n in (32, 40, 80, 160)
     ]
     exact = curves[-1].force_per_loop
     errors = [np.abs(c.force_per_loop / exact - 1.0).max() for c in curves[:-1]]
@@ -176,17 +176,27 @@ def test_friction_loses_energy_and_balances(rubbing):
     assert (np.diff(curve.dissipated) >= 0.0).all()
     stored = curve.energy.sum(1) - rubbing.energy.sum()
     work = curve.work.max()
-    assert np.abs(curve.work - stored - curve.dissipated).max() < 5e-3 * work
-    first = curve.cycle == 1
-    peak = curve.work[first & (curve.phase == 0)].max()
-    # The prototype: 56 % lost at friction 0.2, 8 % residual strain to its 2 % step.
-    end = np.flatnonzero(first)[-1]
-    assert curve.dissipated[end] / peak == pytest.approx(0.56, abs=0.03)
+    assert np.abs(curve.work - stored - curve.dissipated).max() < 1e-3 * work
+    assert curve.energy[:, 3].min() > 0.0  # held by the contacts, not yet lost
+    end = np.flatnonzero(curve.cycle == 1)[-1]
+    # The prototype: 8 % residual strain to its 2 % step.
     assert curve.strain[end] == pytest.approx(0.08, abs=0.025)
     assert curve.force_per_loop[end] == pytest.approx(0.0, abs=1e-5 * curve.force_per_loop.max())
-    loading = first & (curve.phase == 0)
+    loading = (curve.cycle == 1) & (curve.phase == 0)
     smooth = tensile(relax(Fabric(**COTTON)), "course", curve.strain[loading])
     assert (curve.force_per_loop[loading] > smooth.force_per_loop).all()
+
+
+def test_contacts_that_hardly_give_way_are_coulombs(rubbing):
+    """A law whose slip is rounded over a short length loses 0.5404 of the work in short steps."""
+    lost = []
+    for relaxed in (rubbing, relax(Fabric(**COTTON, friction=0.2, tangential_ratio=30.0))):
+        curve = tensile(relaxed, "course", np.linspace(0.05, 0.6, 12), recovery=True)
+        lost.append(curve.dissipated[-1] / curve.work.max())
+        assert curve.strain[-1] == pytest.approx(0.0976, abs=2e-4)
+    assert lost[1] == pytest.approx(0.5404, abs=4e-3)
+    # What a spring holds is not lost.
+    assert 0.95 * lost[1] < lost[0] < lost[1]
 
 
 def test_friction_converges_with_the_increment(rubbing):
@@ -244,7 +254,7 @@ def test_start_is_interlooped_and_has_its_length():
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
     assert length == pytest.approx(fabric.loop_length, rel=1e-3)
     flat = y.copy()
-    flat[model.cell.slot[:, 2][model.cell.slot[:, 2] >= 0]] *= -1.0
+    flat[: model.cell.count][model.cell.where[:, 2] == 2] *= -1.0
     assert not is_intact(model, flat)  # seen from the other side it is a purl
 
 
@@ -267,15 +277,17 @@ def test_curve_ends_with_its_reason():
 @pytest.mark.parametrize(
     ("changes", "name"),
     [
-        ({"diameter": 0.6e-3}, "diameter"),
-        ({"loop_length": 3.0e-3, "diameter": 0.25e-3}, "loop length"),
-        ({"loop_length": 20e-3}, "loop length"),
+        ({"diameter": 1.5e-3}, "diameter"),
+        ({"loop_length": 2.0}, "loop length"),
         ({"friction": -0.1}, "friction"),
         ({"friction": 1.5}, "friction"),
         ({"bending_rigidity": 0.0}, "bending rigidity"),
         ({"bending_rigidity": float("nan")}, "bending rigidity"),
         ({"set_fraction": 1.2}, "set fraction"),
-        ({"wale_spacing": 0.3e-3}, "wale spacing"),
+        ({"wale_spacing": None, "set_fraction": 0.5}, "set"),
+        ({"spin": "slow"}, "spin"),
+        ({"tangential_ratio": 0.0}, "tangential ratio"),
+        ({"stuck_ratio": float("nan")}, "stuck ratio"),
         ({"course_spacing": -1.0}, "course spacing"),
         ({"law": None}, "law"),
     ],
@@ -302,7 +314,6 @@ def test_impossible_inputs_are_refused(cotton):
         (lambda: tensile(cotton, "course", [0.1], lateral="loose"), "lateral"),
         (lambda: tensile(cotton, "course", [0.1], cycles=2), "cycles"),
         (lambda: tensile(cotton, "course", [0.1], to_force=-1.0), "to_force"),
-        (lambda: shear(cotton, [0.1]), "full"),
         (lambda: biaxial(cotton, [0.1]), "strains"),
     ):
         with pytest.raises(InputError) as caught:

@@ -50,7 +50,7 @@ def test_cantilever(load):
     errors = []
     for n in (20, 40, 80):
         state = solve_open(
-            [yarn(n, start=CLAMPED, tip_force=(0.0, -load * BENDING / LENGTH**2, 0.0))]
+            [yarn(n, start=CLAMPED, tip_force=(0.0, -load * BENDING / LENGTH**2, 0.0))], coarse=True
         )
         x, y, _ = state.end(0) / LENGTH
         errors.append(max(abs(-y - exact[0]), abs(1.0 - x - exact[1])))
@@ -79,7 +79,9 @@ def test_cantilever_under_its_own_weight():
     theta = exact.sol(0.5 * (s + 1.0))[0]
     ratio = (weight @ np.sin(theta)) / (weight @ np.cos(theta))
     assert ratio == pytest.approx(1.066802320433, abs=1e-7)
-    state = solve_open([yarn(80, start=CLAMPED, weight=(0.0, -gravity * BENDING / LENGTH**3, 0.0))])
+    state = solve_open(
+        [yarn(80, start=CLAMPED, weight=(0.0, -gravity * BENDING / LENGTH**3, 0.0))], coarse=True
+    )
     x, y, _ = state.end(0)
     assert -y / x == pytest.approx(ratio, rel=1e-4)
 
@@ -88,7 +90,7 @@ def test_cantilever_under_its_own_weight():
 def test_pure_bending_rolls_up(turn):
     errors = []
     for n in (20, 40, 80):
-        state = solve_open([yarn(n, start=CLAMPED, couple=turn * BENDING / LENGTH)])
+        state = solve_open([yarn(n, start=CLAMPED, couple=turn * BENDING / LENGTH)], coarse=True)
         end = state.end(0)[:2] / LENGTH
         exact = np.array([math.sin(turn), 1.0 - math.cos(turn)]) / turn
         errors.append(np.abs(end - exact).max())
@@ -109,7 +111,7 @@ def test_hinged_strut(distance, value):
         return np.stack([LENGTH * t, 0.02 * LENGTH * np.sin(np.pi * t), 0 * t], axis=-1)
 
     end = Support("hinged", moved_to=(distance * LENGTH, 0.0, 0.0))
-    state = solve_open([yarn(80, shape=bow, start=HINGED, end=end)])
+    state = solve_open([yarn(80, shape=bow, start=HINGED, end=end)], coarse=True)
     force = state.reaction(0, "end") * LENGTH**2 / BENDING
     assert -force[0] == pytest.approx(load, rel=1e-4)
     assert force[1] == pytest.approx(0.0, abs=1e-4)
@@ -149,7 +151,7 @@ def test_crimped_yarn_pulled_straight():
         tip_force=(pull * BENDING / LENGTH**2, 0.0, 0.0),
         rest_curvature=rest,
     )
-    state = solve_open([pulled], rounding=1e-6)
+    state = solve_open([pulled], coarse=True)
     chord = np.linalg.norm(state.end(0) - state.points(0)[0])
     at_rest = math.hypot(*path[:, -1])
     assert chord / LENGTH == pytest.approx(span, rel=1e-4)
@@ -177,12 +179,12 @@ def test_capstan():
         end=Support("hinged", moved_to=(radius, -leg - 2e-3, 0.0)),
     )
     rigid = Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), radius, 1e3)
-    state = solve_open([rope], cylinders=[rigid], friction=friction, steps=40)
+    state = solve_open([rope], cylinders=[rigid], friction=friction, steps=40, coarse=True)
     ratio = -state.reaction(0, "end")[1] / pull
     assert ratio == pytest.approx(math.exp(friction * math.pi), rel=5e-3)
     assert state.lost > 0.0
     # Without friction the tension is the same on both sides, and the cylinder carries both.
-    smooth = solve_open([rope], cylinders=[rigid], steps=10)
+    smooth = solve_open([rope], cylinders=[rigid], steps=10, coarse=True)
     assert -smooth.reaction(0, "end")[1] / pull == pytest.approx(1.0, rel=2e-3)
     assert smooth.cylinder_force()[:, 1].sum() == pytest.approx(2.0 * pull, rel=1e-3)
 
@@ -200,7 +202,7 @@ def test_two_yarns_crossing():
     one = OpenYarn(2 * half, 1e-9, law, 40, shape=along, start=HINGED, end=HINGED, contacts=8)
     down = [Support("hinged", moved_to=(0.0, side * half, -0.5e-3)) for side in (-1, 1)]
     two = OpenYarn(2 * half, 1e-9, law, 40, shape=across, start=down[0], end=down[1], contacts=8)
-    state = solve_open([one, two], contact=BarrierContact(1000.0), diameter=d)
+    state = solve_open([one, two], contact=BarrierContact(1000.0), diameter=d, coarse=True)
     force = state.contact_force(0, 1)
     assert force[2] < 0.0  # the upper yarn presses down
     held = [sum(state.reaction(k, end)[2] for end in ("start", "end")) for k in (0, 1)]

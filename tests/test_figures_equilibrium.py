@@ -165,7 +165,7 @@ def test_energies_stack_up_to_the_work_done(datasets, figures):
         ax = panel(fig, start)
         curve = datasets["equilibrium_course"].sel(variant=name)
         reached = np.isfinite(curve.strain.values)
-        assert len(ax.collections) == 3 + lost
+        assert len(ax.collections) == 3 + 2 * lost
         total = curve.energy.sum("term").values[reached] + curve.dissipated.values[reached]
         top = ax.collections[-1].get_paths()[0].vertices[:, 1].max()
         assert top == pytest.approx(total.max())

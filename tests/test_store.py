@@ -70,7 +70,7 @@ def test_a_file_says_what_it_holds(tmp_path):
         assert force.long_name and "_FillValue" not in force.ncattrs()
         assert force.dtype == np.float64
         assert list(file["axis"][:]) == ["course", "wale", "thickness"]
-        assert list(file["term"][:]) == ["stretch", "bend", "contact"]
+        assert list(file["term"][:]) == ["stretch", "bend", "contact", "friction"]
         assert set(file["phase"][:]) == {"loading", "recovery"}
         assert list(file["variant"][:]) == ["one", "two"]
         assert file["diameter"][...] == 2.5e-4

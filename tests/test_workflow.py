@@ -289,7 +289,7 @@ CONTRACT = {
     },
 }  # fmt: skip
 LABELS = {
-    "axis": ["course", "wale", "thickness"], "term": ["stretch", "bend", "contact"]
+    "axis": ["course", "wale", "thickness"], "term": ["stretch", "bend", "contact", "friction"]
 }  # fmt: skip
 
 

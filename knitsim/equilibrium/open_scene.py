@@ -195,22 +195,22 @@ def _couples(yarns, chain):
 
 
 def loads_of(yarns, scene, chain):
-    """Dead loads by the unknowns."""
-    rows = len(scene.map.rows)
-    force = np.zeros(rows)
+    """Dead loads by the unknowns, (2, unknowns): of the weights, of the forces at the ends."""
+    force = np.zeros((2, len(scene.map.rows)))
     for yarn, first in zip(yarns, chain, strict=True):
         n = yarn.elements
         for place, load in ((0, yarn.start_force), (n, yarn.tip_force)):
             for a, part in enumerate((1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0)):
                 at = 3 * (first + place + a)
-                force[at : at + 3] += part * np.asarray(load, dtype=float)
+                force[1, at : at + 3] += part * np.asarray(load, dtype=float)
         step = yarn.length / n
         for g, weight in zip(spline.GAUSS_POINTS, spline.GAUSS_WEIGHTS, strict=True):
             for a, part in enumerate(spline.basis([g])[0]):
                 for i in range(n):
                     at = 3 * (first + i + a)
-                    force[at : at + 3] += weight * step * part * np.asarray(yarn.weight, float)
-    loads = np.zeros(len(scene.load))
+                    force[0, at : at + 3] += weight * step * part * np.asarray(yarn.weight, float)
+    loads = np.zeros((2, len(scene.load)))
     entries = scene.map.entries
-    np.add.at(loads, entries.column, entries.value * force[owners(scene.map)])
+    for own, given in zip(loads, force, strict=True):
+        np.add.at(own, entries.column, entries.value * given[owners(scene.map)])
     return loads

@@ -28,6 +28,7 @@ from knitsim.equilibrium.kernels.follow import (
     SETTLED,
     begin_friction,
     end_friction,
+    is_rubbed,
     lag_friction,
 )
 from knitsim.equilibrium.kernels.friction import MEMORY, Memory, Rub
@@ -37,6 +38,7 @@ from knitsim.equilibrium.kernels.records import LATTICE, Scene
 from knitsim.equilibrium.open_scene import assemble, loads_of, out_of_plane, turned
 from knitsim.equilibrium.relax import REASONS
 from knitsim.errors import ComputationError, InputError
+from knitsim.jit import blank
 from knitsim.yarn.law import TensionLaw
 
 TOLERANCE = 1e-9  # residual, of B/L^2 + the loads
@@ -146,8 +148,8 @@ class Cylinder:
 class OpenState:
     """Equilibrium of a scene of open yarns.
 
-    energy (3,): stretch, bend, contact (J); work of the moved supports and lost (J) where steps were
-    taken; residual (N), iterations.
+    energy (4,): stretch, bend, contact, and what friction holds (J); lost: to friction so far (J);
+    residual (N); iterations so far.
     """
 
     yarns: tuple
@@ -236,7 +238,13 @@ class OpenState:
         return v, a, rod
 
 
-def solve_open(
+def solve_open(yarns, **scene):
+    """The last state (:class:`OpenState`) of :func:`follow_open`."""
+    *_, last = follow_open(yarns, **scene)
+    return last
+
+
+def follow_open(
     yarns,
     *,
     cylinders=(),
@@ -246,12 +254,15 @@ def solve_open(
     sticking=1.0,
     steps=10,
     planar=None,
+    coarse=False,
 ):
-    """Bring the loads up and the supports to their places in ``steps``; an :class:`OpenState`.
+    """Bring the loads up and the supports to their places; yields an :class:`OpenState` for each step.
 
     contact: BarrierContact or CoreContact between yarns of this diameter (m), None for none;
     friction: coefficient at all contacts; sticking: their stiffness along the yarns before they slide,
-    over that across them where they first touch.
+    over that across them where they first touch.  steps: a number of even steps from 0 to 1, or a
+    programme of factors, (n,) for all or (n, 3) for the weights, for forces and couples at the ends and
+    for the way of the supports.  coarse: whether to take an answer of elements that are too long, too.
     All yarns share one tension law (that of the first).  planar: nothing moves along the thickness;
     where None, so if nothing in the scene points out of the plane.  (A yarn without torsional
     stiffness is not stable out of its plane under every load.)
@@ -261,13 +272,20 @@ def solve_open(
     yarns = tuple(yarns)
     if not yarns or any(y.law is not yarns[0].law for y in yarns):
         raise InputError("yarns", len(yarns), "must be one or more, all with the same law")
+    programme = (
+        np.arange(1, steps + 1) / steps if isinstance(steps, int) else np.array(steps, float)
+    )
+    if programme.shape not in ((len(programme),), (len(programme), 3)) or not len(programme):
+        raise InputError(
+            "steps", programme.shape, "must be a number, factors (n,) or factors (n, 3)"
+        )
     scene, chain, supports, y = assemble(yarns, cylinders, contact, diameter)
     own = min(supports.values(), default=len(y) - LATTICE)
     loads = loads_of(yarns, scene, chain)
     out = out_of_plane(scene, own)
     couples = scene.fixtures.couples
     if planar is None:
-        planar = not (y[out].any() or loads[out].any() or couples.normal[:, :2].any())
+        planar = not (y[out].any() or loads[:, out].any() or couples.normal[:, :2].any())
     free = np.setdiff1d(np.arange(own), out) if planar else np.arange(own)
     longest = max(yarn.length for yarn in yarns)
     rigidity = max(yarn.bending_rigidity for yarn in yarns)
@@ -288,7 +306,7 @@ def solve_open(
         scene.fixtures.cylinders.shell *= sticking
         rub = Rub(float(friction), max(shell, 1e-300), ())
         size = (len(cylinders), scene.touch.points.size)
-        memory = Memory(np.zeros(0, MEMORY), np.zeros(size, MEMORY), ())
+        memory = Memory(blank(0, MEMORY), blank(size, MEMORY), ())
     work = new_work(scene)
     begin, target = y.copy(), y.copy()
     for (k, end), first in supports.items():
@@ -296,17 +314,17 @@ def solve_open(
         if place is not None:
             target[first : first + 3] = place
     lost, total = 0.0, 0
-    for step in range(1, steps + 1):
-        part = step / steps
+    for step, factors in enumerate(programme):
+        heavy, pulled, moved = np.broadcast_to(factors, 3)
         expand(scene.map, y, work.x)
         scene = scene._replace(
-            load=part * loads,
-            fixtures=scene.fixtures._replace(couples=turned(couples, part, work.x)),
+            load=heavy * loads[0] + pulled * loads[1],
+            fixtures=scene.fixtures._replace(couples=turned(couples, pulled, work.x)),
         )
         pairs = pairs_at(scene, y, control.skin, work)
         slip = begin_friction(scene, y, pairs, rub, memory, work)
-        y[own:] = (begin + part * (target - begin))[own:]
-        settled = lag_friction(scene, y, slip, rub, work) == 0.0
+        y[own:] = (begin + moved * (target - begin))[own:]
+        settled = not is_rubbed(rub)
         for _ in range(PASSES + 1):
             aim = control
             if not settled:
@@ -320,45 +338,35 @@ def solve_open(
             status = NOT_SETTLED
         if status != CONVERGED:
             raise ComputationError(
-                f"open yarns: step {step} of {steps}: {REASONS[status]} "
+                f"open yarns: step {step + 1} of {len(programme)}: {REASONS[status]} "
                 f"(residual {residual:.3g} N, tolerance {tolerance:.3g} N)"
             )
-        memory, loss, _ = end_friction(scene, y, slip, memory, work)
+        memory, loss, held = end_friction(scene, y, slip, memory, work)
         lost += loss
-    _check_locking(yarns, scene, work, y)
-    return OpenState(
-        yarns,
-        scene,
-        chain,
-        supports,
-        y,
-        work.x.copy(),
-        work.gradient.copy(),
-        work.terms.copy(),
-        lost,
-        residual,
-        total,
-    )
+        expand(scene.map, y, work.x)
+        if not coarse:
+            _check_locking(yarns, scene, work)
+        yield OpenState(
+            yarns, scene, chain, supports, y.copy(), work.x.copy(), work.gradient.copy(),
+            np.append(work.terms, held), lost, residual, total,
+        )  # fmt: skip
 
 
-def _check_locking(yarns, scene, work, y):
+def _check_locking(yarns, scene, work):
     """Raises ComputationError where elements are too long for a yarn as stiff as this.
 
     A nearly inextensible curve of few elements cannot bend without stretching: its strain then goes to and
-    fro within each element.  What this holds beyond the energy of the mean tension is no energy of the yarn.
+    fro within each element.  What this holds, beyond the energy of a strain that changes evenly along the
+    element, is no energy of the yarn.
     """
-    expand(scene.map, y, work.x)
-    rod, x = scene.rod, work.x
-    v = np.einsum("ma,mak->mk", rod.d1, x[rod.first[:, None] + np.arange(4)])
-    strain = np.linalg.norm(v, axis=1) / rod.span - 1.0
-    element = strain.reshape(-1, 3)
-    mean = element @ spline.GAUSS_WEIGHTS
-    spurious = (
-        0.5
-        * scene.stretch.stiffness
-        * (rod.weight.reshape(-1, 3) * (element - mean[:, None]) ** 2).sum()
-    )
-    locked = spurious / work.terms[1] if work.terms[1] > 0.0 else 0.0
+    rod = scene.rod
+    v = np.einsum("ma,mak->mk", rod.d1, work.x[rod.first[:, None] + np.arange(4)])
+    strain = (np.linalg.norm(v, axis=1) / rod.span - 1.0).reshape(-1, 3)
+    # At three Gauss points, what is neither a mean nor a slope is this times (2, -2.5, 2)/9.
+    wave = strain @ [1.0, -2.0, 1.0]
+    lengths = rod.weight.reshape(-1, 3).sum(1)
+    spurious = 0.5 * scene.stretch.stiffness * 5.0 / 81.0 * (lengths * wave**2).sum()
+    locked = spurious / work.terms[:2].sum() if spurious > 0.0 else 0.0
     if locked > LOCKED:
         most = max(yarn.elements for yarn in yarns)
         needed = int(np.ceil(most * (locked / LOCKED) ** (1.0 / LOCKING_ORDER) * 1.1))

@@ -41,6 +41,7 @@ ENERGY_COLOURS = {
     "bend": style.SKY,
     "contact": style.ORANGE,
     "stretch": style.GREEN,
+    "held by friction": style.PURPLE,
     "lost to friction": "#C8C8C8",
 }
 SMALLEST_OF_LARGEST = 0.01  # numerical_error is relative to no less than that of the largest force
@@ -188,12 +189,13 @@ def _energies(ax, curve):
     states = np.concatenate([found[0][1], *(part[1:] for _, part in found[1:])])
     strain = from_si(curve.strain.values[states], PERCENT)
     path = strain[0] + np.append(0.0, np.cumsum(np.abs(np.diff(strain))))
-    energy = curve.energy.sel(term=["bend", "contact", "stretch"]).values[states].T
-    parts = dict(zip(("bend", "contact", "stretch"), energy, strict=True))
+    terms = ("bend", "contact", "stretch", "friction")
+    *own, held = curve.energy.sel(term=list(terms)).values[states].T
+    parts = dict(zip(terms[:3], own, strict=True))
     lost = curve.dissipated.values[states]
     if lost.any():
-        parts["lost to friction"] = lost
-    total, work = energy.sum(0) + lost, curve.work.values[states]
+        parts |= {"held by friction": held, "lost to friction": lost}
+    total, work = np.sum(list(parts.values()), axis=0), curve.work.values[states]
     work = total[0] - work[0] + work
     ax.stackplot(
         path, *parts.values(), linewidth=0,

@@ -1,8 +1,8 @@
 """Cases with an exact answer, run by the solver of the fabric: value, exact value, observed order.
 
 Every case is a scene of open yarns (:mod:`knitsim.equilibrium.open_yarn`) on the kernels of the
-fabric, compared with :mod:`knitsim.verification.exact_rods`, ``exact_crimp`` and ``exact_contacts``,
-which share nothing with the solver.
+fabric, compared with :mod:`knitsim.verification.exact_rods`, ``exact_crimp``, ``exact_contacts``
+and ``exact_friction``, which share nothing with the solver.
 """
 
 import math
@@ -11,6 +11,7 @@ import numpy as np
 
 from knitsim.verification import exact_crimp
 from knitsim.verification.cases_contacts import capstan_case, crossing_case, wrapped_case
+from knitsim.verification.cases_friction import incline_case, unloaded_capstan_case
 from knitsim.verification.cases_rods import (
     crimp_case,
     hanging_case,
@@ -40,6 +41,8 @@ def cases():
         *(pulled_case(strain) for strain in (0.01, 0.05)),
         hanging_case(),
         capstan_case(0.3, math.pi),
+        unloaded_capstan_case(0.3, math.pi),
+        incline_case(0.3, 0.2),
         wrapped_case(math.pi, 4e-7, "line"),
         wrapped_case(0.3, 4e-7, "point"),
         crossing_case(),

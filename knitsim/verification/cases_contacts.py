@@ -27,7 +27,7 @@ _HINGED = Support("hinged")
 _SOFT_NOTE = "the contact gives way"
 
 
-def _over_cylinder(turn, tail, radius, top):
+def over_cylinder(turn, tail, radius, top):
     """(length, shape, direction of the end) of two straight tails and an arc between them.
 
     radius: of the arc (m), its highest point at ``top`` (m) above the origin; it starts to the left.
@@ -60,7 +60,7 @@ def capstan_case(friction, turn):
     the stiffness of the yarn is 3e-4 away from exp(mu phi).
     """
     rigidity, slip = 1e-8, 1e-3
-    length, shape, along = _over_cylinder(turn, 5e-3, _RADIUS, _RADIUS)
+    length, shape, along = over_cylinder(turn, 5e-3, _RADIUS, _RADIUS)
     pull = _PULL * along * [-1.0, 1.0, 1.0]
     end = tuple(shape(np.ones(1))[0] + slip * along)
 
@@ -71,7 +71,7 @@ def capstan_case(friction, turn):
         )  # fmt: skip
         cylinder = Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), _RADIUS, 100.0)
         # The normal force lags by a pass; each adds a term of the series of exp(mu phi).
-        state = solve_open([yarn], cylinders=[cylinder], friction=friction, steps=2)
+        state = solve_open([yarn], cylinders=[cylinder], friction=friction, steps=2, coarse=True)
         reaction = state.reaction(0, "end")
         ratio = float(np.linalg.norm(reaction)) / _PULL
         found = _angle_between(pull, reaction)
@@ -94,7 +94,7 @@ def wrapped_case(turn, rigidity, contact):
     length_scale = math.sqrt(rigidity / _PULL)
     arc = _RADIUS if contact == "line" else 2.0 * _RADIUS
     # Tails of six decay lengths: their ends matter by 1e-5.
-    length, shape, along = _over_cylinder(turn, 6.0 * length_scale, arc, _RADIUS)
+    length, shape, along = over_cylinder(turn, 6.0 * length_scale, arc, _RADIUS)
     pull = _PULL * along * [-1.0, 1.0, 1.0]
     stiffness = 1e3 if contact == "line" else 1e4
     points = 2 if contact == "line" else 4
@@ -105,7 +105,7 @@ def wrapped_case(turn, rigidity, contact):
             end=_HINGED, contacts=points,
         )  # fmt: skip
         cylinder = Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), _RADIUS, stiffness)
-        state = solve_open([yarn], cylinders=[cylinder], steps=1)
+        state = solve_open([yarn], cylinders=[cylinder], steps=1, coarse=True)
         reaction = state.reaction(0, "end")
         exact = exact_contacts.wrapped_yarn(
             _PULL, rigidity, _RADIUS, _angle_between(pull, reaction)
@@ -200,7 +200,9 @@ def crossing_case():
                     2.0 * half, rigidity, law, elements, shape=shape, start=start, end=end, contacts=2
                 )
             )  # fmt: skip
-        state = solve_open(yarns, contact=BarrierContact(1e3), diameter=diameter, steps=2)
+        state = solve_open(
+            yarns, contact=BarrierContact(1e3), diameter=diameter, steps=2, coarse=True
+        )
         lower, upper = (state.points(k, 2)[elements, 2] for k in (0, 1))
         springs = [
             exact_contacts.span_stiffness(

@@ -58,7 +58,7 @@ def tip_load_case(load):
 
     def run(elements):
         force = (0.0, -load * _LOAD, 0.0)
-        state = solve_open([_rod(elements, start=_CLAMPED, tip_force=force)])
+        state = solve_open([_rod(elements, start=_CLAMPED, tip_force=force)], coarse=True)
         x, y, _ = state.end(0) / LENGTH
         return state, [
             Comparison("deflection/L", -y, exact.deflection, floor / exact.deflection),
@@ -74,7 +74,7 @@ def own_weight_case(load):
 
     def run(elements):
         weight = (0.0, -load * _LOAD / LENGTH, 0.0)
-        state = solve_open([_rod(elements, start=_CLAMPED, weight=weight)])
+        state = solve_open([_rod(elements, start=_CLAMPED, weight=weight)], coarse=True)
         x, y, _ = state.end(0)
         return state, [Comparison("height/width", -y / x, exact.ratio, _stretched(load))]
 
@@ -87,7 +87,7 @@ def roll_up_case(turn, text):
     floor = 1e-8  # no force, so nothing stretches
 
     def run(elements):
-        state = solve_open([_rod(elements, start=_CLAMPED, couple=turn * _COUPLE)])
+        state = solve_open([_rod(elements, start=_CLAMPED, couple=turn * _COUPLE)], coarse=True)
         x, y, _ = state.end(0) / LENGTH
         if text == "2 pi":
             return state, [Comparison("tip to clamp/L", math.hypot(x, y), 0.0, floor)]
@@ -114,7 +114,7 @@ def strut_case(distance, ends):
 
     def run(elements):
         strut = _rod(elements, shape=_curve(angle, LENGTH), start=support, end=support)
-        state = solve_open([strut], steps=1)
+        state = solve_open([strut], steps=1, coarse=True)
         middle = state.points(0, 2)[elements, 1] / LENGTH
         return state, [
             Comparison("force L2/EI", -state.reaction(0, "end")[0] / _LOAD, exact.load, floor),
@@ -142,7 +142,7 @@ def crimp_case(name, rest_angle, rest_curvature, pull):
             tip_force=(pull * _LOAD, 0.0, 0.0),
             rest_curvature=lambda t: rest_curvature(t) / LENGTH,
         )
-        state = solve_open([yarn], steps=_CRIMP_STEPS)
+        state = solve_open([yarn], steps=_CRIMP_STEPS, coarse=True)
         chord = state.end(0)[0] / LENGTH
         return state, [Comparison("extension", chord / at_rest - 1.0, exact.extension, floor)]
 
@@ -162,7 +162,7 @@ def pulled_case(strain):
     def run(elements):
         end = Support("hinged", moved_to=(LENGTH * (1.0 + strain), 0.0, 0.0))
         yarn = OpenYarn(LENGTH, RIGIDITY, _KNEE, elements, start=_HINGED, end=end)
-        state = solve_open([yarn])
+        state = solve_open([yarn], coarse=True)
         return state, [
             Comparison("force/force of the knee", state.reaction(0, "end")[0], force, _KNEE_FLOOR),
             Comparison(
@@ -185,7 +185,7 @@ def hanging_case():
             LENGTH, 1e-9, _KNEE, elements, start=_HINGED,
             tip_force=(tip, 0.0, 0.0), weight=(own / LENGTH, 0.0, 0.0),
         )  # fmt: skip
-        state = solve_open([yarn], steps=1)
+        state = solve_open([yarn], steps=1, coarse=True)
         extension = state.end(0)[0] / LENGTH - 1.0
         return state, [Comparison("extension/L", extension, exact, _KNEE_FLOOR)]
 

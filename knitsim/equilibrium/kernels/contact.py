@@ -21,10 +21,11 @@ def barrier_at(square, law):
     d2 = law.diameter * law.diameter
     if square >= d2:
         return 0.0, 0.0, 0.0
+    # By the gap, not by differences of large numbers: a hard contact is pressed by next to nothing.
     s, stiffness = square / d2, law.stiffness
-    i = 1.0 / s
-    first, second = stiffness * (1.0 - i * i) / d2, 2.0 * stiffness * i**3 / (d2 * d2)
-    return stiffness * (i - 2.0 + s), first, second
+    i, gap = 1.0 / s, 1.0 - s
+    first, second = -stiffness * gap * (1.0 + s) * i * i / d2, 2.0 * stiffness * i**3 / (d2 * d2)
+    return stiffness * gap * gap * i, first, second
 
 
 @njit
@@ -39,10 +40,11 @@ def soft_at(square, law):
     z = (distance - law.core) / delta
     if law.soft[0] == CORE:
         k, p = law.stiffness, law.soft[1]
-        power = z ** (-p)
-        v = k * delta**2 / (p * (p - 1)) * (z * power - 1.0 - (p - 1) * (1.0 - z))
-        by_d = k * delta / p * (1.0 - power)
-        by_dd = k * power / z
+        t = (law.diameter - distance) / delta
+        more = math.expm1(-p * math.log1p(-t))  # z^-p - 1
+        v = k * delta**2 / (p * (p - 1)) * (more - p * t - t * more)
+        by_d = -k * delta / p * more
+        by_dd = k * (1.0 + more) / z
     else:
         v, by_d, by_dd = table_at(z, law.soft)
         by_d, by_dd = by_d / delta, by_dd / (delta * delta)

@@ -163,6 +163,13 @@ def _ended(scene, y, slip, memory, work):
     return end_slip(scene, y, slip, work)
 
 
+@njit
+def _is_rubbed(rub):
+    return rub.friction > 0.0
+
+
+# Whether there are normal forces to be lagged.
+is_rubbed = choose("rub", _is_rubbed, False)
 begin_friction = choose("rub", begin_slip, _smooth)
 lag_friction = choose("rub", lag_slip, _nothing_lags)
 end_friction = choose("slip", _ended, _nothing_lost)
@@ -234,8 +241,9 @@ def solve_step(scene, y, slip, rub, target, ends, march, listed, work):
     pairs.
     """
     change, total, residual, status = np.zeros(y.size), 0, 0.0, CONVERGED
-    settled = lag_friction(scene, y, slip, rub, work) == 0.0
-    passes = corrections = 0
+    # Where nothing was pressed so far, a prediction does not tell the normal forces.
+    settled, passes, corrections = not is_rubbed(rub), 0, 0
+    lag_friction(scene, y, slip, rub, work)
     while True:
         aim = march.control if settled else loosened(march.control)
         status, iterations, residual, listed = minimise(
@@ -293,7 +301,7 @@ def follow(scene, standing, targets, march, rub, trail):
     first = y.copy()
     before, trial, change, passed = y.copy(), np.empty(n), np.zeros(n), past.copy()
     after, moved = np.empty(n), np.zeros(n)
-    stale, done, lost = True, 0.0, 0.0
+    stale, done, lost, rubbed = True, 0.0, 0.0, 0.0
     listed = pairs_at(scene, y, control.skin, work)
     slip = begin_friction(scene, y, listed, rub, memory, work)
     _, _, held = end_friction(scene, y, slip, memory, work)
@@ -303,7 +311,7 @@ def follow(scene, standing, targets, march, rub, trail):
         left, iterations, increments = 1.0, 0, 0
         part, smallest, balanced = parts_of(y, targets[state], march)
         while left > 1e-9:
-            part = min(part, left)
+            part = part if left - part > 1e-9 else left
             if not covers(scene, listed, y, work):
                 listed = pairs_at(scene, y, control.skin, work)
             slip = begin_friction(scene, y, listed, rub, memory, work)
@@ -335,16 +343,17 @@ def follow(scene, standing, targets, march, rub, trail):
             if status == CONVERGED and not resolved(scene, work):
                 status = TOO_CLOSE
             verdict, loss, step_work, remembered = decide(part, smallest, status), 0.0, 0.0, memory
+            rub_loss = 0.0
             if status == CONVERGED:
-                remembered, loss, held = end_friction(scene, trial, slip, memory, work)
+                remembered, rub_loss, held = end_friction(scene, trial, slip, memory, work)
                 forces_at(scene, march, work, after)
                 energy = work.terms[0] + work.terms[1] + work.terms[2] + held
                 for i in range(n):
                     moved[i] = trial[i] - y[i]
                 copy_to(past, passed)
                 loss, step_work, unbalanced = account(
-                    scene.load, march, (force, after, moved, passed), energy - stored, loss,
-                    (stored, lost),
+                    scene.load, march, (force, after, moved, passed), energy - stored, rub_loss,
+                    (stored, rubbed),
                 )  # fmt: skip
                 verdict = decide(part, balanced, CONVERGED if not unbalanced else NOT_SETTLED)
                 verdict = ACCEPT if verdict == STOP else verdict
@@ -357,12 +366,13 @@ def follow(scene, standing, targets, march, rub, trail):
                 stale = True
                 continue
             done, lost, stored, memory = done + step_work, lost + loss, energy, remembered
+            rubbed += rub_loss
             copy_to(passed, past)
             copy_to(after, force)
             copy_to(y, before)
             copy_to(trial, y)
             increments += 1
-            left = left - part if left - part > 1e-9 else 0.0
+            left -= part
         row = trail.states[state]
         for i in range(n):
             trail.y[state, i], trail.force[state, i] = y[i], force[i]

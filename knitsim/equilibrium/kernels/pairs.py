@@ -90,13 +90,16 @@ def _flat_bound(scene, lattice, distance, x):
 
 @njit
 def _bent_bound(scene, lattice, distance, x):
-    # 1 + kappa z is no less than 1 - |kappa| thick, and a chord no shorter than its arc by the factor.
+    # 1 + kappa z is no less than 1 - |kappa| thick.  Of all places a distance apart, those at that
+    # height, side by side along the bent direction, are furthest apart in flat coordinates.
     thick = 0.0
     for i in range(x.shape[0]):
         thick = max(thick, abs(x[i, 2]))
     kappa = abs(curvature_at(scene, lattice))
-    flat = distance / max(1.0 - kappa * thick, 0.2)
-    return flat / max(1.0 - (kappa * flat) ** 2 / 24.0, 0.5)
+    chord = distance / max(1.0 - kappa * thick, 0.2)
+    if kappa == 0.0:
+        return chord
+    return 2.0 / kappa * math.asin(min(0.5 * kappa * chord, 1.0))
 
 
 # Distance in flat coordinates beyond which no two places are closer than ``distance`` (m).

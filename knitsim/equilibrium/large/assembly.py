@@ -14,9 +14,10 @@ import numpy as np
 from knitsim.equilibrium.kernels.contact import isotropic_plus, law_at, separation
 from knitsim.equilibrium.kernels.crossings import segments_crossing
 from knitsim.equilibrium.kernels.friction import across, slip_matrix, spring_at
+from knitsim.equilibrium.kernels.lag import lag_point
 from knitsim.equilibrium.kernels.pairs import CHUNK, image_is_far
 from knitsim.equilibrium.kernels.yarn import derivatives_at, locked, yarn_point
-from knitsim.jit import njit
+from knitsim.jit import choose, njit
 
 
 class Graph(NamedTuple):
@@ -131,7 +132,7 @@ def chunks_of(touch, points):
 
 @njit
 def find_pairs_in_grid(touch, points, lattice, reach):
-    """As :func:`knitsim.equilibrium.kernels.contact.find_pairs`, in linear time and another order."""
+    """As :func:`knitsim.equilibrium.kernels.pairs.find_pairs`, in linear time and another order."""
     first, low, high = chunks_of(touch, points)
     grid = grid_of(low, high, reach)
     whole_low, whole_high = np.empty((1, 3)), np.empty((1, 3))
@@ -270,14 +271,36 @@ def keys_of(scene, node, pairs):
 
 
 @njit
-def add_yarn_blocks(scene, x, graph, parts):
-    """Add the Hessian of the yarn's own energy; x (n, 3): control points of the chains."""
+def _no_lag(lags, p, point, v, w, tangent):
+    """The yarn has no friction of its own."""
+
+
+@njit
+def _add_lag(lags, p, point, v, w, tangent):
+    form, more = np.empty(6), np.empty((6, 6))
+    lag_point(point, lags[p], v, w, np.int64(2), form, more)
+    for i in range(6):
+        for j in range(6):
+            tangent[i, j] += more[i, j]
+
+
+add_lag = choose("lags", _add_lag, _no_lag)
+
+
+@njit
+def add_yarn_blocks(scene, x, lags, graph, parts):
+    """Add the Hessian of the yarn's own energy and friction; x (n, 3): control points of the chains.
+
+    lags: LAG of :mod:`knitsim.equilibrium.kernels.lag`, or ().
+    """
     form, tangent, terms = np.empty(6), np.empty((6, 6)), np.zeros(3)
-    for point in scene.rod:
+    for p in range(scene.rod.size):
+        point = scene.rod[p]
         f = point.first
         v, w = derivatives_at(point, x)
         yarn_point(point, scene.stretch, v, w, np.int64(2), form, tangent, terms)
         locked(scene, point, v, w, np.int64(2), form, tangent, terms)
+        add_lag(lags, p, point, v, w, tangent)
         turn, turn2 = 0.0, 0.0
         for k in range(4):
             turn += point.d1[k] * graph.turn[f + k]

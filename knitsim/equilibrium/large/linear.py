@@ -225,7 +225,7 @@ class Linear:
         )
         lattice = place(scene, y, work)
         graph = pattern.graph
-        kernels.add_yarn_blocks(scene, inner.x, graph, parts)
+        kernels.add_yarn_blocks(scene, inner.x, slip.lags if slip else (), graph, parts)
         listed = (pairs.pairs, pairs.weight, coupling)
         kernels.add_contact_blocks(scene, inner.points, lattice, listed, graph, parts)
         if slip:

@@ -30,6 +30,7 @@ from knitsim.equilibrium.kernels.follow import (
     begin_friction,
     bend_predictor,
     end_friction,
+    is_rubbed,
     lag_friction,
     resolved,
 )
@@ -107,7 +108,8 @@ def sparse_minimise(scene, y, free, pairs, slip, control, work):
 def _solve_step(scene, y, slip, rub, march, pairs, work):
     """As :func:`knitsim.equilibrium.kernels.follow.solve_step`."""
     inner, total = work.work, 0
-    settled = lag_friction(scene, y, slip, rub, inner) == 0.0
+    settled = not is_rubbed(rub)
+    lag_friction(scene, y, slip, rub, inner)
     for _ in range(PASSES + 1):
         # All passes but the last only serve to find the normal forces.
         aim = march.control
@@ -143,7 +145,7 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
     work, control = new_sparse_work(model.cell, scene), march.control
     inner, lattice = work.work, lattice_entries(march.free, work)
     y, force, past, memory = standing
-    before, done, lost = y.copy(), 0.0, 0.0
+    before, done, lost, rubbed = y.copy(), 0.0, 0.0, 0.0
     pairs = sparse_pairs(scene, y, control.skin, work)
     slip = begin_friction(scene, y, pairs, rub, memory, inner)
     held = end_friction(scene, y, slip, memory, inner)[2]
@@ -153,7 +155,7 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
         left, iterations, increments = 1.0, 0, 0
         part, smallest, balanced = parts_of(y, target, march)
         while left > 1e-9:
-            part = min(part, left)
+            part = part if left - part > 1e-9 else left
             pairs = sparse_pairs(scene, y, control.skin, work)
             slip = begin_friction(scene, y, pairs, rub, memory, inner)
             if work.linear is None:
@@ -178,11 +180,11 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
             verdict = decide(part, smallest, status)
             if status == CONVERGED:
                 after, passed = _forces(scene, march, work), past.copy()
-                remembered, loss, held = end_friction(scene, trial, slip, memory, inner)
+                remembered, rub_loss, held = end_friction(scene, trial, slip, memory, inner)
                 energy = inner.terms.sum() + held
                 loss, step_work, unbalanced = account(
-                    scene.load, march, (force, after, trial - y, passed), energy - stored, loss,
-                    (stored, lost),
+                    scene.load, march, (force, after, trial - y, passed), energy - stored, rub_loss,
+                    (stored, rubbed),
                 )  # fmt: skip
                 verdict = decide(part, balanced, NOT_SETTLED if unbalanced else CONVERGED)
                 verdict = ACCEPT if verdict == STOP else verdict
@@ -194,11 +196,12 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
                 before = y.copy() if status != CONVERGED else before
                 continue
             done, lost, stored, memory = done + step_work, lost + loss, energy, remembered
+            rubbed += rub_loss
             past[:], force[:] = passed, after
             before = y.copy()
             y[:] = trial
             increments += 1
-            left = left - part if left - part > 1e-9 else 0.0
+            left -= part
         trail.y[state], trail.force[state] = y, force
         row = trail.states[state]
         row.terms[:3], row.terms[3] = inner.terms, stored - inner.terms.sum()
