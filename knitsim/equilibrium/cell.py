@@ -353,7 +353,7 @@ def touch_of(cell, lengths, exclude):
         sum(map(len, first)),
         first=np.concatenate(first),
         yarn=np.concatenate(course),
-        basis=spline.basis(np.concatenate(place)),
+        **spline.contact_basis(np.concatenate(place), cell.points / cell.contacts),
         length=np.concatenate(length),
         arc=np.concatenate(arc),
     )

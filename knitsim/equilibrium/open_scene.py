@@ -158,7 +158,7 @@ def _touch(yarns, chain, diameter, wanted):
                 len(at),
                 first=at + begin,
                 yarn=k,
-                basis=spline.basis(place),
+                **spline.contact_basis(place, 1.0 / max(m, 1)),
                 length=step / max(m, 1),
                 arc=(at + place) * step,
             )

@@ -32,6 +32,15 @@ def basis_second(t):
     return np.stack([1.0 - t, 3 * t - 2, 1 - 3 * t, t], axis=-1)
 
 
+def contact_basis(t, spacing):
+    """Columns of a contact point (TOUCH_POINT) at t (m,) of a span, with points every ``spacing`` spans."""
+    return {
+        "basis": basis(t),
+        "along": spacing * basis_first(t),
+        "turn": spacing**2 * basis_second(t),
+    }
+
+
 def split(u, spans):
     """Span index and place in it of parameters u in [0, spans]; the end belongs to the last span."""
     u = np.asarray(u, dtype=float)

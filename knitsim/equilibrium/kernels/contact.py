@@ -230,6 +230,81 @@ def add_own(points, i, own, mixed, half):
 
 
 @njit
+def steps_at(touch, points, pair):
+    """Steps along both yarns from a pair to the next contact points (m), and by how much these change.
+
+    (e, f, c): the step of i, that of the image of k, second differences of i less those of k.
+    """
+    i, k, g = pair
+    sign = touch.images[g].sign
+    s0, s1, s2 = sign[0], sign[1], sign[2]
+    return (
+        (points[i, 3], points[i, 4], points[i, 5]),
+        (s0 * points[k, 3], s1 * points[k, 4], s2 * points[k, 5]),
+        (
+            points[i, 6] - s0 * points[k, 6],
+            points[i, 7] - s1 * points[k, 7],
+            points[i, 8] - s2 * points[k, 8],
+        ),
+    )
+
+
+@njit
+def dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit
+def cell_mean(square, along, other, law):
+    """Mean of the law over a cell whose squared distance changes by along and other across it.
+
+    Returns it and its derivatives by q, along, other, qq, q along, q other, along along, along other,
+    other other.
+    """
+    least = THIN * law.diameter * (law.diameter - law.core)
+    a, b = math.sqrt(along * along + least * least), math.sqrt(other * other + least * least)
+    v, vq, va, vb, vqq, vqa, vqb, vaa, vab, vbb = mean_at(square, a, b, law)
+    ra, rb = along / a, other / b
+    # What the rounding at least adds to the second derivatives.
+    va, vb, more, most = va * ra, vb * rb, va * least * least / a**3, vb * least * least / b**3
+    return (
+        v, vq, va, vb, vqq, vqa * ra, vqb * rb, vaa * ra * ra + more, vab * ra * rb, vbb * rb * rb + most,
+    )  # fmt: skip
+
+
+@njit
+def flat_mean(d, steps, law):
+    """:func:`cell_mean` of a pair of a flat fabric: d its distance vector, steps of :func:`steps_at`."""
+    e, f, c = steps
+    lift = dot(e, e) + dot(f, f) + dot(d, c)
+    return cell_mean(dot(d, d) + lift / 12.0, 2.0 * dot(d, e), -2.0 * dot(d, f), law)
+
+
+@njit
+def flat_matrix(d, steps, mean, weight):
+    """Hessian by d of a pair's energy (xx, xy, xz, yy, yz, zz), its steps held."""
+    e, f, _ = steps
+    _, vq, _, _, vqq, vqa, vqb, vaa, vab, vbb = mean
+    w = 4.0 * weight
+    first = 2.0 * weight * vq
+    qq, qa, qb, aa, ab, bb = w * vqq, w * vqa, -w * vqb, w * vaa, -w * vab, w * vbb
+    x, y, z = d
+    e0, e1, e2 = e
+    f0, f1, f2 = f
+    x1, y1, z1 = qq * x + qa * e0 + qb * f0, qq * y + qa * e1 + qb * f1, qq * z + qa * e2 + qb * f2
+    x2, y2, z2 = qa * x + aa * e0 + ab * f0, qa * y + aa * e1 + ab * f1, qa * z + aa * e2 + ab * f2
+    x3, y3, z3 = qb * x + ab * e0 + bb * f0, qb * y + ab * e1 + bb * f1, qb * z + ab * e2 + bb * f2
+    return (
+        first + x * x1 + e0 * x2 + f0 * x3,
+        x * y1 + e0 * y2 + f0 * y3,
+        x * z1 + e0 * z2 + f0 * z3,
+        first + y * y1 + e1 * y2 + f1 * y3,
+        y * z1 + e1 * z2 + f1 * z3,
+        first + z * z1 + e2 * z2 + f2 * z3,
+    )
+
+
+@njit
 def add_flat_contact(scene, lattice, listed, order, work):
     """Contact energy (J) of the listed pairs at the contact points in work; fills work.closest.
 
@@ -244,65 +319,37 @@ def add_flat_contact(scene, lattice, listed, order, work):
     frame = np.zeros((points.shape[0] if size > 0 else 0, 6))
     energy, closest, count = 0.0, math.inf, 0
     outside = touching(scene) ** 2
-    least = THIN * law.diameter * (law.diameter - law.core)
     for j in range(weight.size):
-        i, k, g = pairs[j, 0], pairs[j, 1], pairs[j, 2]
-        x, y, z = separation(touch, points, lattice, (i, k, g))
-        square = x * x + y * y + z * z
+        pair = (pairs[j, 0], pairs[j, 1], pairs[j, 2])
+        d = separation(touch, points, lattice, pair)
+        square = dot(d, d)
         closest = min(closest, square)
         if square >= outside:
             continue
-        s0, s1, s2 = touch.images[g].sign[0], touch.images[g].sign[1], touch.images[g].sign[2]
-        # e: steps along both yarns to the next contact point; c: change of these steps.
-        e0, e1, e2 = points[i, 3], points[i, 4], points[i, 5]
-        f0, f1, f2 = s0 * points[k, 3], s1 * points[k, 4], s2 * points[k, 5]
-        c0, c1, c2 = points[i, 6], points[i, 7], points[i, 8]
-        c0, c1, c2 = c0 - s0 * points[k, 6], c1 - s1 * points[k, 7], c2 - s2 * points[k, 8]
-        along, other = 2.0 * (x * e0 + y * e1 + z * e2), -2.0 * (x * f0 + y * f1 + z * f2)
-        lift = e0 * e0 + e1 * e1 + e2 * e2 + f0 * f0 + f1 * f1 + f2 * f2 + x * c0 + y * c1 + z * c2
-        a, b = math.sqrt(along * along + least * least), math.sqrt(other * other + least * least)
-        v, vq, va, vb, vqq, vqa, vqb, vaa, vab, vbb = mean_at(square + lift / 12.0, a, b, law)
-        if v == 0.0:
+        steps = steps_at(touch, points, pair)
+        mean = flat_mean(d, steps, law)
+        if mean[0] == 0.0:
             continue
         w = weight[j]
-        energy += w * v
+        energy += w * mean[0]
         if order == 0:
             continue
-        # By along and other; of their second derivatives what the rounding leaves.
-        ra, rb = along / a, other / b
-        va, vb = w * va * ra, w * vb * rb
-        f = 2.0 * w * vq
-        n = f / 24.0
-        push[count, 0] = f * x + n * c0 + 2.0 * (va * e0 - vb * f0)
-        push[count, 1] = f * y + n * c1 + 2.0 * (va * e1 - vb * f1)
-        push[count, 2] = f * z + n * c2 + 2.0 * (va * e2 - vb * f2)
-        near[count, 0], near[count, 1], near[count, 2] = i, k, g
-        n4 = 4.0 * n
-        frame[i, 0] += 2.0 * va * x + n4 * e0
-        frame[i, 1] += 2.0 * va * y + n4 * e1
-        frame[i, 2] += 2.0 * va * z + n4 * e2
-        frame[i, 3] += n * x
-        frame[i, 4] += n * y
-        frame[i, 5] += n * z
-        frame[k, 0] += s0 * (n4 * f0 - 2.0 * vb * x)
-        frame[k, 1] += s1 * (n4 * f1 - 2.0 * vb * y)
-        frame[k, 2] += s2 * (n4 * f2 - 2.0 * vb * z)
-        frame[k, 3] -= s0 * n * x
-        frame[k, 4] -= s1 * n * y
-        frame[k, 5] -= s2 * n * z
+        i, k, g = pair
+        sign = touch.images[g].sign
+        e, f, c = steps
+        # By the square, its rise along either yarn, and what lifts it.
+        q, a, b, n = 2.0 * w * mean[1], 2.0 * w * mean[2], -2.0 * w * mean[3], w * mean[1] / 12.0
+        for axis in range(3):
+            near[count, axis] = pair[axis]
+            push[count, axis] = q * d[axis] + n * c[axis] + a * e[axis] + b * f[axis]
+            frame[i, axis] += a * d[axis] + 2.0 * n * e[axis]
+            frame[k, axis] += sign[axis] * (b * d[axis] + 2.0 * n * f[axis])
+            frame[i, 3 + axis] += n * d[axis]
+            frame[k, 3 + axis] -= sign[axis] * n * d[axis]
         if order == 2:
-            vqq, vqa, vqb = 4.0 * w * vqq, 4.0 * w * vqa * ra, 4.0 * w * vqb * rb
-            vaa, vab, vbb = 4.0 * w * vaa * ra * ra, 4.0 * w * vab * ra * rb, 4.0 * w * vbb * rb * rb
-            # (d, e, -f) with the matrix of second derivatives by q, along, other.
-            x1, y1, z1 = vqq * x + vqa * e0 - vqb * f0, vqq * y + vqa * e1 - vqb * f1, vqq * z + vqa * e2 - vqb * f2
-            xe, ye, ze = vqa * x + vaa * e0 - vab * f0, vqa * y + vaa * e1 - vab * f1, vqa * z + vaa * e2 - vab * f2
-            xf, yf, zf = vqb * x + vab * e0 - vbb * f0, vqb * y + vab * e1 - vbb * f1, vqb * z + vab * e2 - vbb * f2
-            push[count, 3] = f + x * x1 + e0 * xe - f0 * xf
-            push[count, 4] = x * y1 + e0 * ye - f0 * yf
-            push[count, 5] = x * z1 + e0 * ze - f0 * zf
-            push[count, 6] = f + y * y1 + e1 * ye - f1 * yf
-            push[count, 7] = y * z1 + e1 * ze - f1 * zf
-            push[count, 8] = f + z * z1 + e2 * ze - f2 * zf
+            h = flat_matrix(d, steps, mean, w)
+            for r in range(6):
+                push[count, 3 + r] = h[r]
         count += 1
     if count > 0:
         add_pushes(touch, near[:count], push[:count], order, work.expanded, work.half)
@@ -322,23 +369,3 @@ def add_frames(touch, frame, gradient):
                 gradient[row + 3 * a + axis] += (
                     point.along[a] * frame[i, axis] + point.turn[a] * frame[i, 3 + axis]
                 )
-
-
-@njit
-def normal_force(scene, d, i, k, g, points):
-    """Force (N/m2) per length of both yarns with which two contact points press, d their distance vector."""
-    sign = touch_sign(scene, g)
-    x, y, z = d
-    e0, e1, e2 = points[i, 3], points[i, 4], points[i, 5]
-    f0, f1, f2 = sign[0] * points[k, 3], sign[1] * points[k, 4], sign[2] * points[k, 5]
-    c0 = points[i, 6] - sign[0] * points[k, 6]
-    c1 = points[i, 7] - sign[1] * points[k, 7]
-    c2 = points[i, 8] - sign[2] * points[k, 8]
-    law = scene.law
-    least = THIN * law.diameter * (law.diameter - law.core)
-    along, other = 2.0 * (x * e0 + y * e1 + z * e2), -2.0 * (x * f0 + y * f1 + z * f2)
-    lift = e0 * e0 + e1 * e1 + e2 * e2 + f0 * f0 + f1 * f1 + f2 * f2 + x * c0 + y * c1 + z * c2
-    a, b = math.sqrt(along * along + least * least), math.sqrt(other * other + least * least)
-    square = x * x + y * y + z * z
-    _, vq, *_ = mean_at(square + lift / 12.0, a, b, law)
-    return -2.0 * math.sqrt(square) * vq

@@ -21,8 +21,8 @@ import math
 
 import numpy as np
 
-from knitsim.equilibrium.kernels.contact import law_at
-from knitsim.equilibrium.kernels.pairs import curvature_at
+from knitsim.equilibrium.kernels.contact import add_frames, cell_mean
+from knitsim.equilibrium.kernels.pairs import curvature_at, touching
 from knitsim.equilibrium.kernels.records import ANGLE, LATTICE
 from knitsim.equilibrium.kernels.yarn import add_form, locked_point, yarn_point
 from knitsim.jit import choose, njit
@@ -246,52 +246,155 @@ def add_gaps(scene, pair, order, slope, bend, table, work):
 
 
 @njit
+def bent_square(gaps, kappa, by, curved):
+    """Squared distance (m2) of a pair; fills its derivatives by dx, dy, z_i, z_k, kappa.
+
+    by (5,), curved (5, 5): first and second ones.
+    """
+    dx, dy, zi, zk = gaps
+    mi, mk, dz = 1.0 + kappa * zi, 1.0 + kappa * zk, zi - zk
+    q, q1, q2, qk, q1k, qkk = chord_square(dx, kappa)
+    both, cross = mi * mk, zi * mk + zk * mi
+    by[0], by[1] = both * q1, 2.0 * dy
+    by[2], by[3] = 2.0 * dz + kappa * mk * q, -2.0 * dz + kappa * mi * q
+    by[4] = cross * q + both * qk
+    curved[:] = 0.0
+    curved[0, 0] = both * q2
+    curved[0, 2] = kappa * mk * q1
+    curved[0, 3] = kappa * mi * q1
+    curved[0, 4] = cross * q1 + both * q1k
+    curved[1, 1] = curved[2, 2] = curved[3, 3] = 2.0
+    curved[2, 3] = kappa * kappa * q - 2.0
+    curved[2, 4] = (mk + kappa * zk) * q + kappa * mk * qk
+    curved[3, 4] = (mi + kappa * zi) * q + kappa * mi * qk
+    curved[4, 4] = 2.0 * zi * zk * q + 2.0 * cross * qk + both * qkk
+    for a in range(5):
+        for b in range(a):
+            curved[a, b] = curved[b, a]
+    return dy * dy + dz * dz + both * q
+
+
+@njit
+def bent_steps(scene, points, pair, step):
+    """Fill step (3, 5) with what dx, dy, z_i, z_k change to the next points along i and along k.
+
+    The last row holds the sum of their second differences.
+    """
+    i, k, g = pair
+    bent = scene.bend.direction
+    other, sign = 1 - bent, scene.touch.images[g].sign
+    step[:] = 0.0
+    step[0, 0], step[0, 1], step[0, 2] = points[i, 3 + bent], points[i, 3 + other], points[i, 5]
+    step[1, 0], step[1, 1] = -sign[bent] * points[k, 3 + bent], -sign[other] * points[k, 3 + other]
+    step[1, 3] = points[k, 5]
+    step[2, 0] = points[i, 6 + bent] - sign[bent] * points[k, 6 + bent]
+    step[2, 1] = points[i, 6 + other] - sign[other] * points[k, 6 + other]
+    step[2, 2], step[2, 3] = points[i, 8], points[k, 8]
+
+
+@njit
+def bent_lift(gaps, kappa, step, slope, factor):
+    """Part of the lift of a cell that the squares of the steps make; adds its slope times factor.
+
+    slope (5,) by dx, dy, z_i, z_k, kappa.
+    """
+    dx, _, zi, zk = gaps
+    mi, mk = 1.0 + kappa * zi, 1.0 + kappa * zk
+    q, q1, q2, qk, q1k, qkk = chord_square(dx, kappa)
+    both, cross = mi * mk, zi * mk + zk * mi
+    q3, q2k = -kappa * kappa * q1, -2.0 * dx * math.sin(kappa * dx)
+    lift = 0.0
+    for r in range(2):
+        u, v = step[r, 0], step[r, 1]
+        z, m = (step[r, 2], mk) if r == 0 else (step[r, 3], mi)
+        twice = 2.0 * kappa * u * z
+        lift += both * q2 * u * u + twice * m * q1 + 2.0 * (v * v + z * z)
+        slope[0] += factor * (both * q3 * u * u + twice * m * q2)
+        slope[2] += factor * kappa * mk * q2 * u * u
+        slope[3] += factor * kappa * mi * q2 * u * u
+        slope[3 - r] += factor * twice * kappa * q1
+        slope[4] += factor * (cross * q2 + both * q2k) * u * u
+        slope[4] += factor * 2.0 * u * z * (m * q1 + kappa * ((zk if r == 0 else zi) * q1 + m * q1k))
+    return lift
+
+
+@njit
 def add_bent_contact(scene, lattice, listed, order, work):
     """As :func:`knitsim.equilibrium.kernels.contact.add_flat_contact`, with the derivatives by kappa."""
     kappa, points = curvature_at(scene, lattice), work.points
-    pairs, weight = listed.pairs, listed.weight
-    energy, closest = 0.0, math.inf
+    pairs, weight, touch = listed.pairs, listed.weight, scene.touch
+    energy, closest, bent = 0.0, math.inf, scene.bend.direction
     table = (np.zeros((4, 10), dtype=np.int64), np.zeros((4, 10)))
-    slope, bend, by = np.zeros(5), np.zeros((5, 5)), np.zeros(5)
+    slope, bend, by, curved = np.zeros(5), np.zeros((5, 5)), np.zeros(5), np.zeros((5, 5))
+    step, unused, rows = np.zeros((3, 5)), np.zeros(5), np.zeros((3, 5))
+    frame = np.zeros((points.shape[0], 6))
+    outside = touching(scene) ** 2
     for j in range(weight.size):
         pair = (pairs[j, 0], pairs[j, 1], pairs[j, 2])
-        dx, dy, zi, zk = gaps_at(scene, points, lattice, pair)
-        mi, mk, dz = 1.0 + kappa * zi, 1.0 + kappa * zk, zi - zk
-        q, q1, q2, qk, q1k, qkk = chord_square(dx, kappa)
-        square = dy * dy + dz * dz + mi * mk * q
+        gaps = gaps_at(scene, points, lattice, pair)
+        square = bent_square(gaps, kappa, by, curved)
         closest = min(closest, square)
-        v, v1, v2 = law_at(square, scene.law)
-        if v == 0.0:
+        if square >= outside:
             continue
-        energy += weight[j] * v
+        bent_steps(scene, points, pair, step)
+        mean = bent_mean(scene, gaps, kappa, step, square, by, unused)
+        if mean[0] == 0.0:
+            continue
+        w = weight[j]
+        energy += w * mean[0]
         if order == 0:
             continue
-        first, second = weight[j] * v1, weight[j] * v2
-        both, cross = mi * mk, zi * mk + zk * mi
-        # Derivatives of the squared distance.
-        by[0], by[1] = both * q1, 2.0 * dy
-        by[2], by[3] = 2.0 * dz + kappa * mk * q, -2.0 * dz + kappa * mi * q
-        by[4] = cross * q + both * qk
+        # Of the square, its change along either yarn: derivatives by the five.
         for a in range(5):
-            slope[a] = first * by[a]
+            rows[0, a], rows[1, a], rows[2, a] = by[a], 0.0, 0.0
+            for b in range(4):
+                rows[1, a] += curved[a, b] * step[0, b]
+                rows[2, a] += curved[a, b] * step[1, b]
+        q, n = w * mean[1], w * mean[1] / 24.0
+        for a in range(5):
+            slope[a] = q * by[a] + w * (mean[2] * rows[1, a] + mean[3] * rows[2, a])
+            for b in range(4):
+                slope[a] += n * curved[a, b] * step[2, b]
+        bent_lift(gaps, kappa, step, slope, n)
+        i, k, g = pair
+        sign = touch.images[g].sign
+        for axis in range(3):
+            # The thickness of either point counts by itself.
+            at = 2 if axis == 2 else (axis if bent == 0 else 1 - axis)
+            of_k, turned = (3, 1.0) if axis == 2 else (at, -sign[axis])
+            more, most = 0.0, 0.0
+            for b in range(4):
+                more += curved[at, b] * step[0, b]
+                most += curved[of_k, b] * step[1, b]
+            frame[i, axis] += w * mean[2] * by[at] + 2.0 * n * more
+            frame[k, axis] += turned * (w * mean[3] * by[of_k] + 2.0 * n * most)
+            frame[i, 3 + axis] += n * by[at]
+            frame[k, 3 + axis] += turned * n * by[of_k]
         if order == 2:
+            qq, qa, qb = w * mean[4], w * mean[5], w * mean[6]
+            aa, ab, bb = w * mean[7], w * mean[8], w * mean[9]
             for a in range(5):
+                x, y, z = rows[0, a], rows[1, a], rows[2, a]
+                x, y, z = qq * x + qa * y + qb * z, qa * x + aa * y + ab * z, qb * x + ab * y + bb * z
                 for b in range(a, 5):
-                    bend[a, b] = second * by[a] * by[b]
-            bend[0, 0] += first * both * q2
-            bend[0, 2] += first * kappa * mk * q1
-            bend[0, 3] += first * kappa * mi * q1
-            bend[0, 4] += first * (cross * q1 + both * q1k)
-            bend[1, 1] += 2.0 * first
-            bend[2, 2] += 2.0 * first
-            bend[3, 3] += 2.0 * first
-            bend[2, 3] += first * (kappa * kappa * q - 2.0)
-            bend[2, 4] += first * ((mk + kappa * zk) * q + kappa * mk * qk)
-            bend[3, 4] += first * ((mi + kappa * zi) * q + kappa * mi * qk)
-            bend[4, 4] += first * (2.0 * zi * zk * q + 2.0 * cross * qk + both * qkk)
+                    bend[a, b] = q * curved[a, b] + x * rows[0, b] + y * rows[1, b] + z * rows[2, b]
         add_gaps(scene, pair, order, slope, bend, table, work)
+    if order > 0:
+        add_frames(touch, frame, work.expanded)
     work.closest[0] = closest
     return energy
+
+
+@njit
+def bent_mean(scene, gaps, kappa, step, square, by, unused):
+    """The :func:`.contact.cell_mean` of a pair; by (5,): derivatives of its square, step of bent_steps."""
+    along = other = lift = 0.0
+    for a in range(4):
+        along += by[a] * step[0, a]
+        other += by[a] * step[1, a]
+        lift += by[a] * step[2, a]
+    lift += bent_lift(gaps, kappa, step, unused, 0.0)
+    return cell_mean(square + lift / 24.0, along, other, scene.law)
 
 
 @njit

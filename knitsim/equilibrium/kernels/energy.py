@@ -13,7 +13,7 @@ from knitsim.equilibrium.kernels.curved import (
     no_kappa,
 )
 from knitsim.equilibrium.kernels.fixtures import add_couples, add_cylinders
-from knitsim.equilibrium.kernels.pairs import expand, place_points
+from knitsim.equilibrium.kernels.pairs import expand, place_frames
 from knitsim.equilibrium.kernels.records import LATTICE, Bent, Work
 from knitsim.equilibrium.kernels.slip import add_friction
 from knitsim.equilibrium.kernels.yarn import add_flat_yarn
@@ -45,7 +45,7 @@ def new_work(scene):
     rows, n = scene.map.rows.size, scene.load.size
     return Work(
         np.zeros(((rows - LATTICE) // 3, 3)),
-        np.zeros((scene.touch.points.size, 3)),
+        np.zeros((scene.touch.points.size, 9)),
         np.zeros(rows),
         np.zeros((rows, rows)),
         np.zeros(n),
@@ -108,7 +108,7 @@ def energy_of(scene, y, listed, slip, order, work):
         work.half[:] = 0.0
     clear_kappa(scene, lattice, order, work)
     add_yarn(scene, lattice, order, work)
-    place_points(scene.touch, work.x, work.points)
+    place_frames(scene.touch, work.x, work.points)
     work.terms[2] = add_contact(scene, lattice, listed, order, work) + pressed(scene, order, work)
     energy = work.terms[0] + work.terms[1] + work.terms[2] + turned(scene, order, work)
     energy += rubbing(scene, lattice, slip, order, work)

@@ -6,8 +6,16 @@ the yarn.
 
 import math
 
-from knitsim.equilibrium.kernels.contact import law_at, separation
-from knitsim.equilibrium.kernels.curved import gaps_at
+import numpy as np
+
+from knitsim.equilibrium.kernels.contact import (
+    barrier_at,
+    dot,
+    flat_mean,
+    separation,
+    steps_at,
+)
+from knitsim.equilibrium.kernels.curved import bent_mean, bent_square, bent_steps, gaps_at
 from knitsim.equilibrium.kernels.curved_friction import add_bent_friction, vector_at
 from knitsim.equilibrium.kernels.fixtures import add_point, from_axis, law_of, scatter_point
 from knitsim.equilibrium.kernels.friction import (
@@ -25,7 +33,7 @@ from knitsim.equilibrium.kernels.friction import (
     turn,
 )
 from knitsim.equilibrium.kernels.lag import add_lags, begin_lags, end_lags
-from knitsim.equilibrium.kernels.pairs import curvature_at, expand, place_points
+from knitsim.equilibrium.kernels.pairs import curvature_at, expand, place_frames
 from knitsim.jit import blank, choose, njit
 
 
@@ -52,10 +60,25 @@ add_lagging = choose("lags", add_lags, _no_lags)
 
 
 @njit
-def limit_of(square, weight, law, friction):
-    """Coulomb's limit (N) at a squared distance (m2)."""
-    _, v1, _ = law_at(square, law)
-    return -2.0 * math.sqrt(square) * v1 * weight * friction
+def _flat_press(scene, lattice, pair, work):
+    d = separation(scene.touch, work.points, lattice, pair)
+    mean = flat_mean(d, steps_at(scene.touch, work.points, pair), scene.law)
+    return -2.0 * math.sqrt(dot(d, d)) * mean[1]
+
+
+@njit
+def _bent_press(scene, lattice, pair, work):
+    by, curved, step = np.zeros(5), np.zeros((5, 5)), np.zeros((3, 5))
+    kappa = curvature_at(scene, lattice)
+    gaps = gaps_at(scene, work.points, lattice, pair)
+    square = bent_square(gaps, kappa, by, curved)
+    bent_steps(scene, work.points, pair, step)
+    mean = bent_mean(scene, gaps, kappa, step, square, by, np.zeros(5))
+    return -2.0 * math.sqrt(square) * mean[1]
+
+
+# Force with which two contact points press, per length of both yarns (N/m2).
+press_of = choose("scene.bend", _bent_press, _flat_press)
 
 
 @njit
@@ -74,7 +97,8 @@ def _lag_wraps(scene, slip, rub, work, first):
             place = (points[i, 0], points[i, 1], points[i, 2])
             d = from_axis(cylinders, c, points, i)
             square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-            limit = limit_of(square, length, law_of(cylinders[c]), rub.friction)
+            _, slope, _ = barrier_at(square, law_of(cylinders[c]))
+            limit = -2.0 * math.sqrt(square) * slope * length * rub.friction
             if first:
                 begin(wrap, d, place, limit, cylinders[c].shell * length)
             else:
@@ -152,7 +176,7 @@ end_lagging = choose("lags", end_lags, _without_lags)
 def begin_slip(scene, y, listed, rub, memory, work):
     """The :class:`Slip` of a load step that starts at y with what is remembered there."""
     lattice = expand(scene.map, y, work.x)
-    place_points(scene.touch, work.x, work.points)
+    place_frames(scene.touch, work.x, work.points)
     rubs = blank(listed.weight.size, RUB)
     for j in range(rubs.size):
         for axis in range(3):
@@ -161,8 +185,8 @@ def begin_slip(scene, y, listed, rub, memory, work):
     for j in range(rubs.size):
         pair = (rubs[j].pair[0], rubs[j].pair[1], rubs[j].pair[2])
         d = vector_of(scene, lattice, pair, work)
-        square, weight = d[0] * d[0] + d[1] * d[1] + d[2] * d[2], listed.weight[j]
-        limit = limit_of(square, weight, scene.law, rub.friction)
+        weight = listed.weight[j]
+        limit = press_of(scene, lattice, pair, work) * weight * rub.friction
         begin(rubs[j], d, d, limit, rub.shell * weight)
     wraps = blank(memory.wraps.shape, RUB)
     for c in range(wraps.shape[0]):
@@ -179,13 +203,14 @@ def begin_slip(scene, y, listed, rub, memory, work):
 def lag_slip(scene, y, slip, rub, work):
     """Take normals and limits anew at y; returns how much of the friction force that changes (1)."""
     lattice = expand(scene.map, y, work.x)
-    place_points(scene.touch, work.x, work.points)
+    place_frames(scene.touch, work.x, work.points)
     changed = whole = 0.0
     for j in range(slip.pairs.size):
         place = slip.pairs[j]
-        d = vector_of(scene, lattice, (place.pair[0], place.pair[1], place.pair[2]), work)
-        square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-        limit = limit_of(square, place.stiffness / rub.shell, scene.law, rub.friction)
+        pair = (place.pair[0], place.pair[1], place.pair[2])
+        d = vector_of(scene, lattice, pair, work)
+        weight = place.stiffness / rub.shell
+        limit = press_of(scene, lattice, pair, work) * weight * rub.friction
         if limit == 0.0 and place.limit == 0.0:
             continue
         change, force = turn(place, d, d, limit)
@@ -208,7 +233,7 @@ def add_friction(scene, lattice, slip, order, work):
 def end_slip(scene, y, slip, work):
     """The :class:`Memory` after a step that ends at y, energy lost in it, energy held in the springs (J)."""
     lattice = expand(scene.map, y, work.x)
-    place_points(scene.touch, work.x, work.points)
+    place_frames(scene.touch, work.x, work.points)
     kept = blank(slip.pairs.size, MEMORY)
     count, lost, held = 0, 0.0, 0.0
     for j in range(slip.pairs.size):

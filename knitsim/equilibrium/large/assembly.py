@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from knitsim.equilibrium.kernels.contact import isotropic_plus, law_at, separation
+from knitsim.equilibrium.kernels.contact import flat_matrix, flat_mean, separation, steps_at
 from knitsim.equilibrium.kernels.crossings import segments_crossing
 from knitsim.equilibrium.kernels.friction import across, slip_matrix, spring_at
 from knitsim.equilibrium.kernels.lag import lag_point
@@ -392,10 +392,11 @@ def add_contact_blocks(scene, points, lattice, pairs, graph, parts):
     for j in range(weight.size):
         pair = (listed[j, 0], listed[j, 1], listed[j, 2])
         d = separation(scene.touch, points, lattice, pair)
-        square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-        v, v1, v2 = law_at(square, scene.law)
-        if v != 0.0:
-            h = isotropic_plus(2.0 * weight[j] * v1, 4.0 * weight[j] * v2, d)
+        steps = steps_at(scene.touch, points, pair)
+        mean = flat_mean(d, steps, scene.law)
+        if mean[0] != 0.0:
+            xx, xy, xz, yy, yz, zz = flat_matrix(d, steps, mean, weight[j])
+            h = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
             add_pair_blocks(scene, pair, coupling[j], h, graph, parts)
 
 

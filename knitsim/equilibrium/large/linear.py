@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from knitsim.equilibrium.kernels.energy import new_work
-from knitsim.equilibrium.kernels.pairs import CHUNK, Listed, expand, place_points
+from knitsim.equilibrium.kernels.pairs import CHUNK, Listed, expand, place_frames, place_points, touching
 from knitsim.equilibrium.kernels.records import LATTICE, Work
 from knitsim.equilibrium.large import assembly as kernels
 
@@ -98,13 +98,13 @@ def new_sparse_work(cell, scene):
 def place(scene, y, work):
     """Control and contact points at y into the buffers; the lattice (4,)."""
     lattice = expand(scene.map, y, work.work.x)
-    place_points(scene.touch, work.work.x, work.work.points)
+    place_frames(scene.touch, work.work.x, work.work.points)
     return lattice
 
 
 def sparse_pairs(scene, y, skin, work):
-    """The :class:`Listed` pairs closer than the diameter plus ``skin`` (m) at y, as of ``pairs_at``."""
-    lattice, reach = place(scene, y, work), scene.law.diameter + skin
+    """The :class:`Listed` pairs at y as of ``pairs_at``."""
+    lattice, reach = place(scene, y, work), touching(scene) + skin
     work.counts["pairs"] += 1
     pairs, weight = kernels.find_pairs_in_grid(scene.touch, work.work.points, lattice, reach)
     # In the order of the dense search, in which friction remembers.
