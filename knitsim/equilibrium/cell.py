@@ -11,7 +11,7 @@ whole loops, and the other way round the latter prove the former.
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -89,7 +89,6 @@ class Cell:
         return self.wales * self.points
 
 
-@functools.lru_cache(maxsize=64)
 def cell_of(pattern, points, contacts, kept="all", wales=1, courses=1):
     """The :class:`Cell` of ``wales`` by ``courses`` periods of a pattern.
 
@@ -99,8 +98,13 @@ def cell_of(pattern, points, contacts, kept="all", wales=1, courses=1):
     kept = "none" if wales * courses > 1 else kept
     if isinstance(kept, str):
         kept = tuple(one for one in pattern.symmetries() if KEPT[kept](one))
-    symmetries = kept
     wales, courses = wales * pattern.wales, courses * pattern.courses
+    return replace(_laid_out(pattern, points, wales, courses, kept), contacts=contacts)
+
+
+@functools.lru_cache(maxsize=64)
+def _laid_out(pattern, points, wales, courses, symmetries):
+    """A cell whose contact points are still to be told."""
     layout = _Layout(pattern, points, wales, courses, symmetries)
     pieces = layout.pieces()
     where, rows = layout.rows(pieces)
@@ -119,7 +123,7 @@ def cell_of(pattern, points, contacts, kept="all", wales=1, courses=1):
     chain = np.cumsum([0, *map(len, chains)])[:-1]
     whole = [(j, k) for j in range(courses) for k in range(wales * points)]
     return Cell(
-        pattern, points, contacts, wales, courses, symmetries, pieces, chain, count,
+        pattern, points, 0, wales, courses, symmetries, pieces, chain, count,
         np.array(where).reshape(-1, 3), map_of(place for own in chains for place in own),
         map_of(whole),
     )  # fmt: skip
@@ -357,19 +361,19 @@ def touch_of(cell, lengths, exclude):
         length=np.concatenate(length),
         arc=np.concatenate(arc),
     )
-    images = images_of(cell).copy()
+    images = images_of(cell.pattern, cell.wales, cell.courses, cell.symmetries).copy()
     images.arc_shift *= loop_length
     return Touch(points, images, cell.copies, float(exclude), float(np.abs(images.steps).max()))
 
 
 @functools.lru_cache(maxsize=64)
-def images_of(cell):
-    """Every operation that carries the pieces to a place that they can touch (IMAGE), arcs in loops."""
-    reach = REACH if cell.pattern.uniform else REACH_FOLDED
+def images_of(pattern, wales, courses, symmetries):
+    """Every operation that carries the yarn to a place that it can touch (IMAGE), arcs in loops."""
+    reach = REACH if pattern.uniform else REACH_FOLDED
     found = []
-    for one in cell.symmetries:
-        wide = _periods(one.along, cell.wales, reach[0])
-        high = _periods(one.up, cell.courses, reach[1])
+    for one in symmetries:
+        wide = _periods(one.along, wales, reach[0])
+        high = _periods(one.up, courses, reach[1])
         found += [(one, one.along + a, one.up + b) for b in high for a in wide]
     sign = np.array([one.sign for one, *_ in found], dtype=float)
     steps = np.array([[along, up] for _, along, up in found], dtype=float)

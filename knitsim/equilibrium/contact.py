@@ -32,7 +32,7 @@ CORE, TABLE = 1, 2  # kinds of soft laws, see kernels.contact.soft_at
 # Spacing of the contact points, in diameters.  Two crossing yarns of bending rigidity B touch along
 # about d (B/(K d^3))^(1/4): a force B/d^2 presses them by delta diameters, K d delta^2 = B/d^2, and
 # their gap stays below that over sqrt(delta) d.  The factor makes it d/16 for a cotton jersey.
-BARRIER_SPACING, WIDEST, NARROWEST = 1.0 / 4.0, 1.0 / 3.0, 1.0 / 96.0
+BARRIER_SPACING, WIDEST, NARROWEST = 1.0 / 8.0, 1.0 / 4.4, 1.0 / 96.0
 BARRIER_SHELL = 8.914  # shell of the barrier law over K/d^2
 RATIO, DEEPEST = 1.03, 1e-3  # of the table: gap of one knot over that of the next; smallest gap
 TABLE_TOLERANCE, TOUCH_TOLERANCE = (

@@ -6,7 +6,7 @@ spacings of the start, these are free as it grows.  The stated spacings matter t
 it has taken a part of the curvature that it has in the loop held at these.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -95,6 +95,7 @@ class Relaxed:
     stable: bool | None
     memory: tuple | None = None
     history: tuple = ()
+    others: dict = field(default_factory=dict, repr=False)  # the same state at other resolutions
 
     def __repr__(self):
         w, c = 1e3 * self.wale_spacing, 1e3 * self.course_spacing

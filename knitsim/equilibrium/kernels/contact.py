@@ -281,6 +281,19 @@ def flat_mean(d, steps, law):
 
 
 @njit
+def flat_push(d, steps, mean, weight):
+    """Derivative of a pair's energy by d."""
+    e, f, c = steps
+    q, a, b = 2.0 * weight * mean[1], 2.0 * weight * mean[2], -2.0 * weight * mean[3]
+    n = q / 24.0
+    return (
+        q * d[0] + n * c[0] + a * e[0] + b * f[0],
+        q * d[1] + n * c[1] + a * e[1] + b * f[1],
+        q * d[2] + n * c[2] + a * e[2] + b * f[2],
+    )
+
+
+@njit
 def flat_matrix(d, steps, mean, weight):
     """Hessian by d of a pair's energy (xx, xy, xz, yy, yz, zz), its steps held."""
     e, f, _ = steps
@@ -336,12 +349,12 @@ def add_flat_contact(scene, lattice, listed, order, work):
             continue
         i, k, g = pair
         sign = touch.images[g].sign
-        e, f, c = steps
-        # By the square, its rise along either yarn, and what lifts it.
-        q, a, b, n = 2.0 * w * mean[1], 2.0 * w * mean[2], -2.0 * w * mean[3], w * mean[1] / 12.0
+        e, f, _ = steps
+        by_d = flat_push(d, steps, mean, w)
+        # By the rise of the square along either yarn, and by what lifts it.
+        a, b, n = 2.0 * w * mean[2], -2.0 * w * mean[3], w * mean[1] / 12.0
         for axis in range(3):
-            near[count, axis] = pair[axis]
-            push[count, axis] = q * d[axis] + n * c[axis] + a * e[axis] + b * f[axis]
+            near[count, axis], push[count, axis] = pair[axis], by_d[axis]
             frame[i, axis] += a * d[axis] + 2.0 * n * e[axis]
             frame[k, axis] += sign[axis] * (b * d[axis] + 2.0 * n * f[axis])
             frame[i, 3 + axis] += n * d[axis]
