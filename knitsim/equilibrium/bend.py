@@ -21,9 +21,11 @@ that about the mean plane, and the mean over all cuts.
 [-4.35, -4.23, -4.48]
 """
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from knitsim.equilibrium.accuracy_bent import errors_of
 from knitsim.equilibrium.kernels.follow import REACHED, new_states
@@ -35,7 +37,7 @@ from knitsim.equilibrium.kernels.follow_bent import (
     follow_bending,
 )
 from knitsim.equilibrium.kernels.records import Bend
-from knitsim.equilibrium.model import Model, centreline
+from knitsim.equilibrium.model import Model, centrelines
 from knitsim.equilibrium.relax import REASONS
 from knitsim.equilibrium.result import LOADING, RECOVERY, States
 from knitsim.errors import InputError
@@ -50,6 +52,7 @@ SLIP_ROUNDING = 0.01  # of the diameter squared times the change of curvature, s
 TURN_ROUNDING = 0.01  # of the change of curvature
 LAG_PASSES = 12  # at most
 MOST_UNKNOWNS = 6000  # of a cell: its whole Hessian and factor, kept here, take 0.9 GB
+_GAUSS = np.polynomial.legendre.leggauss(2)
 _REASONS = {**REASONS, RAN_AWAY: "the free spacings run away (beyond half or twice those at rest)"}
 
 
@@ -90,18 +93,59 @@ class BendingCurve(States):
     numerical_error: np.ndarray
     change_error: np.ndarray
 
-    def centreline_bent(self, step, wales=0, courses=0):
-        """Points in space (points, 3) of the loop this many wales and courses on, in one state.
+    def centrelines_bent(self, step, wales=0, courses=0):
+        """Points in space (loops, points, 3) of the cell this many wales and courses on, in one state.
 
         The axis of the cylinder lies at thickness -1/curvature over the origin.
         """
         bent = DIRECTIONS[self.direction]
-        points = centreline(self.model, self.y[step])
-        points[:, 0] += wales * self.wale_spacing[step]
-        points[:, 1] += courses * self.course_spacing[step]
-        along = points[:, bent].copy()
-        points[:, bent] = 0.0
+        points = centrelines(self.model, self.y[step])
+        points[..., 0] += wales * self.wale_spacing[step]
+        points[..., 1] += courses * self.course_spacing[step]
+        along = points[..., bent].copy()
+        points[..., bent] = 0.0
         return rolled(points, self.curvature[step], along, bent)
+
+    @property
+    def yarn_strain(self):
+        """Mean strain of the yarn over the cell."""
+        return self._yarn[0]
+
+    @property
+    def yarn_tension(self):
+        """Mean tension of the yarn over the cell (N)."""
+        return self._yarn[1]
+
+    @functools.cached_property
+    def _yarn(self):
+        fabric, axis, cell = self.model.fabric, DIRECTIONS[self.direction], self.model.cell
+        length = cell.wales * fabric.loop_length
+        means = np.empty((self.steps, 2))
+        for k, (loops, curvature) in enumerate(zip(self.centrelines, self.curvature, strict=True)):
+            local = np.concatenate([
+                bent_strain(np.concatenate([*course[:, :-1], course[-1, -1:]]), curvature, axis, length)
+                for course in np.split(loops, cell.courses)
+            ])  # fmt: skip
+            means[k] = local.mean(), fabric.law.tension_at(local).mean()
+        return means.T
+
+
+def bent_strain(flat, curvature, axis, length):
+    """Strain of a yarn over its period in a bent fabric, at two places a piece, (2 (points - 1),).
+
+    flat: (points, 3) (m), in the coordinates of the fabric before it is rolled up, at equal lengths of
+    the yarn at rest, which has ``length`` (m) in the period; the last point is the first of the next.
+    On a cylinder what lies at thickness z is longer along the bent direction (axis) by 1 + curvature z.
+    """
+    at = np.linspace(0.0, 1.0, len(flat))
+    step = flat[-1] - flat[0]
+    closed = flat - at[:, None] * step
+    closed[-1] = closed[0]
+    line = CubicSpline(at, closed, bc_type="periodic")
+    places = (at[:-1, None] + np.diff(at)[:, None] * 0.5 * (1.0 + _GAUSS[0])).ravel()
+    speed = line(places, 1) + step
+    speed[:, axis] *= 1.0 + curvature * line(places)[:, 2]
+    return np.linalg.norm(speed, axis=1) / length - 1.0
 
 
 def bend(relaxed, direction, curvatures, *, spacings="free", increment=None, estimate_error=False):
@@ -128,7 +172,7 @@ def bend(relaxed, direction, curvatures, *, spacings="free", increment=None, est
     curvatures = np.atleast_1d(np.asarray(curvatures, dtype=float))
     if curvatures.ndim != 1 or not curvatures.size:
         raise InputError("curvature", curvatures.tolist(), "must be a list of numbers (1/m)")
-    tightest = TIGHTEST / (np.abs(relaxed.centreline[:, 2]).max() + 0.5 * fabric.diameter)
+    tightest = TIGHTEST / (np.abs(relaxed.centrelines[..., 2]).max() + 0.5 * fabric.diameter)
     if not (np.abs(curvatures) <= tightest).all():
         raise InputError(
             "curvature",

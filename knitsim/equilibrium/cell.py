@@ -280,15 +280,18 @@ def expected_crossings(cell):
 
 
 def pack(cell, loop, lattice):
-    """Unknowns y of a cell filled with one loop's shape.
+    """Unknowns y of a cell filled with one loop's shape, or with those of all its loops.
 
-    loop: control points (points, 3) of one loop in the cell's origin; lattice (4,): L.
+    loop: control points (points, 3) of one loop in the cell's origin, or (wales courses points, 3) as
+    from loop_of; lattice (4,): L.
     """
     lattice = np.asarray(lattice, dtype=float)
     y = np.zeros(cell.count + LATTICE)
     y[cell.count :] = lattice
     if cell.kind == "quarter":
         all_points = loop[: cell.spans + 1]
+    elif len(loop) == len(cell.slot):
+        all_points = loop
     else:
         step1 = np.array([lattice[0], lattice[1], 0.0])
         step2 = np.array([lattice[2], lattice[3], 0.0])

@@ -176,22 +176,39 @@ def _replaced(model, scene):
 
 
 def refine(model, y, fine):
-    """Unknowns of the ``fine`` model (twice the points) for exactly the curve of y."""
-    loop = cells.loop_of(model.cell, y)[: model.cell.points]
-    lattice = y[model.lattice :]
-    step = np.array([lattice[0], lattice[1], 0.0])
-    n = len(loop)
-    long = np.concatenate([loop[-1:] - step, loop, loop[:1] + step])
-    even = (long[:-2] + 6.0 * long[1:-1] + long[2:]) / 8.0
-    odd = 0.5 * (long[1:-1] + long[2:])
-    doubled = np.stack([even, odd], axis=1).reshape(2 * n, 3)
-    return cells.pack(fine.cell, doubled, lattice)
+    """Unknowns of the ``fine`` model (twice the points) for exactly the curves of y."""
+    doubled = []
+    for loop, step in _courses(model, y):
+        long = np.concatenate([loop[-1:] - step, loop, loop[:1] + step])
+        even = (long[:-2] + 6.0 * long[1:-1] + long[2:]) / 8.0
+        odd = 0.5 * (long[1:-1] + long[2:])
+        doubled.append(np.stack([even, odd], axis=1).reshape(-1, 3))
+    return cells.pack(fine.cell, np.concatenate(doubled), y[model.lattice :])
+
+
+def centrelines(model, y, per_span=2):
+    """Points along every loop of the cell, (loops, points per_span + 1, 3), m.
+
+    The loops of a course stand in turn, then those of the next; the last point of a loop is the first
+    of the next one in its course.
+    """
+    size = model.cell.points * per_span
+    lines = []
+    for loop, step in _courses(model, y):
+        chain = np.concatenate([loop[-1:] - step, loop, loop[:2] + step])
+        line = spline.evaluate(chain, np.arange(len(loop) * per_span + 1) / per_span)
+        lines += [line[k : k + size + 1] for k in range(0, len(line) - 1, size)]
+    return np.array(lines)
 
 
 def centreline(model, y, per_span=2):
-    """Points along one loop, ``per_span`` per span and the end: (points per_span + 1, 3), m."""
-    loop = cells.loop_of(model.cell, y)[: model.cell.points]
+    """The first of the :func:`centrelines`; there is no other in a cell of one loop."""
+    return centrelines(model, y, per_span)[0]
+
+
+def _courses(model, y):
+    """(control points (m, 3), step to their next image) of each yarn of the cell."""
     lattice = y[model.lattice :]
-    step = np.array([lattice[0], lattice[1], 0.0])
-    chain = np.concatenate([loop[-1:] - step, loop, loop[:2] + step])
-    return spline.evaluate(chain, np.arange(len(loop) * per_span + 1) / per_span)
+    step = model.cell.wales * np.array([lattice[0], lattice[1], 0.0])
+    loops = cells.loop_of(model.cell, y)
+    return [(yarn, step) for yarn in np.split(loops, model.cell.courses)]

@@ -24,6 +24,7 @@ from knitsim.equilibrium.model import (
     Model,
     build_model,
     centreline,
+    centrelines,
     with_diameter,
     with_set,
 )
@@ -79,9 +80,14 @@ class Relaxed:
         return float(self.y[self.model.lattice + 3])
 
     @property
+    def centrelines(self):
+        """Points of every loop of the cell, (loops, points, 3), m; see model.centrelines."""
+        return centrelines(self.model, self.y)
+
+    @property
     def centreline(self):
-        """Points of one loop, (points, 3), m; the last is the first, one wale further."""
-        return centreline(self.model, self.y)
+        """Points of the first loop, (points, 3), m; of one alone the last is the first, a wale on."""
+        return self.centrelines[0]
 
 
 def is_intact(model, y):

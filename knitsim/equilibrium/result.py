@@ -7,7 +7,7 @@ import numpy as np
 
 from knitsim.equilibrium.cell import control_points
 from knitsim.equilibrium.kernels.yarn import stretch_at
-from knitsim.equilibrium.model import Model, centreline
+from knitsim.equilibrium.model import Model, centrelines
 from knitsim.equilibrium.relax import is_intact
 
 LOADING, RECOVERY = 0, 1
@@ -38,9 +38,14 @@ class States:
         return np.array([is_intact(self.model, y) for y in self.y], dtype=bool)
 
     @property
+    def centrelines(self):
+        """Points of every loop of the cell in every state, (steps, loops, points, 3), m."""
+        return np.array([centrelines(self.model, y) for y in self.y])
+
+    @property
     def centreline(self):
-        """Points of one loop in every state, (steps, points, 3), m."""
-        return np.array([centreline(self.model, y) for y in self.y])
+        """Points of the first loop in every state, (steps, points, 3), m."""
+        return self.centrelines[:, 0]
 
     def replaced(self, **changes):
         """This curve with other values of some fields."""

@@ -12,13 +12,14 @@ from knitsim.figures.states import (
     MM,
     PER_CM,
     PERCENT,
+    courses_of,
     fabric_name,
     heading,
     is_beyond_break,
     letter,
+    one_loop,
     state_at,
     thinned,
-    with_centreline,
 )
 from knitsim.figures.style import COLOURS, YARN_COLOURS
 from knitsim.figures.tubes import draw_tubes, view_of
@@ -36,7 +37,7 @@ PRINTED_LINE = (0, (4, 1.5))
 
 def _forms(bending):
     """(corrected, printed) of a test; None for a form that it does not hold."""
-    bending = with_centreline(bending)
+    bending = one_loop(bending)
     held = bending.variant.values.tolist()
     return tuple(
         bending.sel(variant=form) if form in held else None for form in ("corrected", "printed")
@@ -221,7 +222,10 @@ def bent_piece(state, direction, along=None, across=None):
         wide, high = (along, across) if direction == "course" else (across, along)
     curvature, axis = float(state.curvature), DIRECTIONS.index(direction)
     spacings = float(state.wale_spacing), float(state.course_spacing)
-    courses = bent_courses(thinned(state).centreline.values, *spacings, wide, high, curvature, axis)
+    courses = bent_courses(
+        thinned(state).centreline.values, *spacings, wide, high, curvature, axis,
+        courses=courses_of(state),
+    )  # fmt: skip
     # The middle of the piece lies flat, at the origin.
     middle = -0.5 * np.array([wide * spacings[0], high * spacings[1], 0.0])
     shift = np.where(np.arange(3) == axis, 0.0, middle)

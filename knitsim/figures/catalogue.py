@@ -5,24 +5,38 @@ The Snakefile reads this table, so nothing heavy is imported here.
 
 from dataclasses import dataclass
 
-# Result files, by the name of the argument that takes them.
+from knitsim.store.results import DIRECTIONS, RESULTS, path_of
+
+# Result files, by the name of the argument that takes them: their stage and labels.  The last two stand
+# for all calibrations of a fabric, a mapping by name.
 FILES = {
-    "yarn": "yarn/{subject}.nc",
-    "loop": "loop/{subject}.nc",
-    "relaxed": "relaxed/{subject}.nc",
-    "tension_course": "tensile/{subject}/kinematic_course.nc",
-    "tension_wale": "tensile/{subject}/kinematic_wale.nc",
-    "bending_course": "bending/{subject}/kinematic_course.nc",
-    "bending_wale": "bending/{subject}/kinematic_wale.nc",
-    "equilibrium_course": "tensile/{subject}/equilibrium_course.nc",
-    "equilibrium_wale": "tensile/{subject}/equilibrium_wale.nc",
-    "bent_course": "bending/{subject}/equilibrium_course.nc",
-    "bent_wale": "bending/{subject}/equilibrium_wale.nc",
-    "kes": "kes/{subject}.nc",
-    "rigidity": "yarn_to_fabric/{subject}.nc",
-    "sensitivity": "sensitivity/{subject}.nc",
-    "verification": "verification/cases.nc",
-}
+    "yarn": ("yarn", {}),
+    "loop": ("loop", {}),
+    "relaxed": ("equilibrium_rest", {}),
+    **{
+        f"{name}_{direction}": (stage, {"direction": direction})
+        for name, stage in (
+            ("tension", "kinematic_tension"), ("bending", "kinematic_bending"),
+            ("equilibrium", "equilibrium_tension"), ("bent", "equilibrium_bending"),
+        )
+        for direction in DIRECTIONS
+    },
+    "kes": ("kes", {}),
+    "rigidity": ("yarn_to_fabric", {}),
+    "sensitivity": ("sensitivity", {}),
+    "verification": ("verification", {}),
+    "measured": ("calibration", {}),
+    "fitted": ("calibration", {}),
+}  # fmt: skip
+
+
+def files_of(of, subject):
+    """{argument: path below the store's root} of the results about one yarn or fabric."""
+    return {
+        name: path_of(stage, **labels, **{of: subject})
+        for name, (stage, labels) in FILES.items()
+        if RESULTS[stage].about == of
+    }
 
 
 @dataclass(frozen=True)
@@ -89,6 +103,9 @@ FIGURES = (
     Figure("fig22_set", "bent", "yarn_to_fabric", "fabric", ("rigidity",)),
     Figure("fig33_sensitivity", "sensitivity", "sensitivity", "fabric", ("sensitivity",)),
     Figure("fig17_verification", "verification", "verification", "study", ("verification",)),
+    Figure("fig30_calibration", "measured", "measured", "fabric", ("measured",)),
+    Figure("fig31_prediction", "measured", "measured", "fabric", ("measured",)),
+    Figure("fig32_misfit_profile", "measured", "measured", "fabric", ("fitted",)),
 )  # fmt: skip
 
 GROUPS = tuple(dict.fromkeys(figure.group for figure in FIGURES))

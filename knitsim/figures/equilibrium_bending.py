@@ -129,7 +129,7 @@ def passes_of(curve):
 
 def reached(curve):
     """The states of one variant that have a shape."""
-    shaped = np.isfinite(curve.centreline.values).all(axis=(1, 2))
+    shaped = np.isfinite(curve.centreline.values).all(axis=(1, 2, 3))
     return curve.isel(step=np.flatnonzero(shaped & np.isfinite(curve.curvature.values)))
 
 

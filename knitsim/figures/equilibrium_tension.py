@@ -25,6 +25,7 @@ from knitsim.figures.states import (
     N_PER_MM,
     PER_CM,
     PERCENT,
+    courses_of,
     fabric_name,
     heading,
     is_beyond_break,
@@ -237,7 +238,7 @@ def _fabrics(fig, place, tests):
             asked = curve.strain.values[states[-1]] * share / 3
             step = states[np.argmin(np.abs(curve.strain.values[states] - asked))]
             drawn.append((direction, thinned(curve.isel(step=step))))
-    bent = [curvature(state.centreline.values) for _, state in drawn]
+    bent = [np.array([curvature(loop) for loop in state.centreline.values]) for _, state in drawn]
     scale = Normalize(0.0, from_si(max(values.max() for values in bent), PER_CM))
     count = len(drawn)
     *axes, bar = place.subgridspec(1, count + 1, width_ratios=[1.0] * count + [0.08]).subplots()
@@ -249,7 +250,8 @@ def _fabrics(fig, place, tests):
         spacings = np.array([float(state.wale_spacing), float(state.course_spacing)])
         yarns = fabric_polylines(
             state.centreline.values, *spacings, *(2 * np.ceil(reach / spacings).astype(int) + 3),
-            colours=colours(scale(from_si(values, PER_CM)))[:, :3], centred=True,
+            courses=courses_of(state),
+            colours=colours(scale(from_si(values, PER_CM)))[..., :3], centred=True,
         )  # fmt: skip
         draw_tubes(ax, yarns.polylines, 0.5 * float(state.diameter), yarns.colours, window=window)
         force = from_si(float(state.force_per_width), N_PER_MM)

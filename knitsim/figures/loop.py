@@ -8,7 +8,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import style
-from knitsim.figures.states import fabric_name, heading, letter
+from knitsim.figures.states import fabric_name, heading, letter, one_loop
 from knitsim.figures.tubes import View, draw_tubes, fabric_polylines, render_tubes, view_of
 from knitsim.figures.yarn import (
     ALONG,
@@ -55,6 +55,7 @@ _BESIDE_SIDE = ((0, -12), (16, 2), (19, -4), (19, 4), (-17, 0), (0, 11))
 
 def fig03_loop_anchors(loop):
     """One loop from the face and from the side: six anchors a half, curves and dimensions."""
+    loop = one_loop(loop)
     w, d = float(loop["wale_spacing"]), float(loop["diameter"])
     low, high = loop["centreline"].values.min(0), loop["centreline"].values.max(0)
     bottom, top = low[1] - 1.35 * d, high[1] + 1.0 * d
@@ -160,6 +161,7 @@ _DISC_VIEW = (-28.0, 24.0)
 
 def fig04_yarn_into_loop(loop):
     """The straight twisted yarn, laid into the loop; its sections as printed and corrected."""
+    loop = one_loop(loop)
     d, length, twist = (float(loop[name]) for name in ("diameter", "loop_length", "twist"))
     fibres = loop["fibre_point"].values
     positions = _fibre_positions(loop)
@@ -296,6 +298,7 @@ def _draw_errors(ax, loop):
 
 def fig05_connected_loops(loop):
     """A piece of fabric as solid yarn: face, back, and seen along its courses and its wales."""
+    loop = one_loop(loop)
     w, c = float(loop["wale_spacing"]), float(loop["course_spacing"])
     fabric = _fabric(loop, 7, 8, centred=True)
     radius = 0.5 * float(loop["diameter"])
@@ -329,6 +332,7 @@ def fig05_connected_loops(loop):
 
 def readme_picture(loop):
     """A piece of the fabric, seen obliquely, without axes: the picture of the README."""
+    loop = one_loop(loop)
     fabric = _fabric(loop, 11, 11, centred=True)
     w = float(loop["wale_spacing"])
     columns, rows = 840, 360

@@ -33,7 +33,7 @@ from knitsim.figures.states import (
     is_beyond_break,
     letter,
     loading,
-    with_centreline,
+    one_loop,
 )
 from knitsim.figures.style import COLOURS, YARN_COLOURS
 from knitsim.figures.tubes import draw_tubes
@@ -113,7 +113,7 @@ def _strain_axis(ax, direction):
 
 def _deformation(tension, direction, number):
     """Figs 6 and 8: sections of the loop before and under tension, corrected and as printed."""
-    tension = with_centreline(tension)
+    tension = one_loop(tension)
     corrected, printed = reference_and_printed(tension)
     along, symbol = AXES[direction], SYMBOL[direction]
     rest = corrected.isel(step=0)
@@ -207,7 +207,7 @@ def _deformation(tension, direction, number):
 
 def _contraction(tension, direction, number, equilibrium):
     """Figs 7 and 9: how a section moves along and across the pull, and the contraction laws."""
-    tension, equilibrium = with_centreline(tension), with_states(equilibrium)
+    tension, equilibrium = one_loop(tension), with_states(equilibrium)
     corrected, _ = reference_and_printed(tension)
     along, across = AXES[direction], AXES[OTHER[direction]]
     shown = contractions(tension)

@@ -162,9 +162,9 @@ def fitted_direction(datasets):
     return None
 
 
-def fig30_calibration(datasets):
+def fig30_calibration(measured):
     """Each calibration beside the measured curve that it was fitted to, a panel each."""
-    datasets = ordered(datasets)
+    datasets = ordered(measured)
     direction = fitted_direction(datasets) or "course"
     looks = _looks(datasets)
     columns = min(2, len(datasets))
@@ -209,9 +209,9 @@ def fig30_calibration(datasets):
     return fig
 
 
-def fig31_prediction(datasets):
+def fig31_prediction(measured):
     """What all calibrations predict, side by side: force and lateral strain, both directions."""
-    datasets = ordered(datasets)
+    datasets = ordered(measured)
     looks = _looks(datasets, nested=True)
     bent = any("predicted_moment_per_width" in d for d in datasets.values()) or any(
         len(_curves_of(d, way, "bending")) for d in datasets.values() for way in ("course", "wale")
@@ -224,7 +224,7 @@ def fig31_prediction(datasets):
         f"Fig. 31  Fabric {_fabric(datasets)}, predicted by each choice of parameters: how far they"
         " lie apart",
     )
-    measured = {}
+    shown = {}
     for row, direction in zip(axes, ("course", "wale"), strict=True):
         at = 0 if direction == "course" else columns
         ax = row[0]
@@ -242,13 +242,13 @@ def fig31_prediction(datasets):
         if bent:
             handles += _bending(row[2], datasets, direction, looks)
             letter(row[2], f"({_LETTERS[at + 2]}) {direction}: bending")
-        measured |= {handle.get_label(): handle for handle in handles}
+        shown |= {handle.get_label(): handle for handle in handles}
     fig.legend(
         handles=[
             *(Line2D([], [], label=title_of(name), **looks[name]) for name in datasets),
-            *measured.values(),
+            *shown.values(),
         ],
-        loc="outside lower center", ncols=min(5, len(datasets) + len(measured)), title_fontsize=7,
+        loc="outside lower center", ncols=min(5, len(datasets) + len(shown)), title_fontsize=7,
         title="Bands: " + "; ".join(
             dict.fromkeys(
                 f"{'as given' if name == GIVEN else 'calibrated'}: {d.attrs['band_covers']}"
@@ -325,9 +325,9 @@ def _bending(ax, datasets, direction, looks):
     return handles
 
 
-def fig32_misfit_profile(datasets):
+def fig32_misfit_profile(fitted):
     """Misfit along each calibrated parameter, the others fitted again."""
-    datasets = {name: d for name, d in ordered(datasets).items() if d.sizes.get("parameter", 0)}
+    datasets = {name: d for name, d in ordered(fitted).items() if d.sizes.get("parameter", 0)}
     looks = _looks(datasets)
     names = list(dict.fromkeys(str(p) for d in datasets.values() for p in d.parameter.values))
     columns = min(3, len(names))

@@ -10,6 +10,7 @@ from knitsim.figures.states import (
     MM,
     PERCENT,
     breaking_strain,
+    courses_of,
     is_beyond_break,
     loading,
     readings,
@@ -79,16 +80,20 @@ def contractions(tension):
 
 
 def fabric_of(state, wide, high, colour=None):
-    """Yarns of a state, one loop set off; where the set-off loop lies, as (course, wale) shift (m)."""
-    points = state.centreline.values
+    """Yarns of a state, one loop set off; where the set-off loop lies, as (course, wale) shift (m).
+
+    The loop set off is an image of the first of the cell.
+    """
     spacing = float(state.wale_spacing), float(state.course_spacing)
-    yarns = fabric_polylines(points, *spacing, wide, high, colours=YARN_COLOURS["pale"])
-    column, row = wide // 2, high // 2
-    count = len(points) - 1
+    loops, courses = state.centreline.values, courses_of(state)
+    loops = loops[None] if loops.ndim == 2 else loops
+    yarns = fabric_polylines(
+        loops, *spacing, wide, high, courses=courses, colours=YARN_COLOURS["pale"]
+    )
+    wales, count = len(loops) // courses, loops.shape[1] - 1
+    column, row = wide // 2 // wales * wales, high // 2 // courses * courses
     begin = column * count
-    marked = np.tile(to_rgb(colour or YARN_COLOURS["marked"]), (count + 1, 1))
-    yarns.colours[row] = yarns.colours[row].copy()
-    yarns.colours[row][begin : begin + count + 1] = marked
+    yarns.colours[row][begin : begin + count + 1] = to_rgb(colour or YARN_COLOURS["marked"])
     return yarns, np.array([column * spacing[0], row * spacing[1], 0.0])
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from knitsim.figures import style
 from knitsim.figures.loop import SIDE
 from knitsim.figures.readings import fabric_of
-from knitsim.figures.states import MM, fabric_name, heading, letter
+from knitsim.figures.states import MM, fabric_name, first_loop, heading, letter
 from knitsim.figures.tubes import draw_tubes
 from knitsim.units import from_si
 
@@ -72,13 +72,13 @@ def _draw_loops(fig, place, relaxed, loop):
         1.75 * max(float(state.course_spacing) for state in states.values()),
     )
     deep = 2.3 * max(
-        np.ptp(state.centreline.values[:, 2]) + float(state.diameter) for state in states.values()
+        np.ptp(state.centreline.values[..., 2]) + float(state.diameter) for state in states.values()
     )
     axes = place.subgridspec(1, 4, width_ratios=[2 * reach[0], 2 * reach[0], deep, deep]).subplots()
     for k, (name, state) in enumerate(states.items()):
         w, c = (from_si(float(state[f"{of}_spacing"]), MM) for of in ("wale", "course"))
         yarns, shift = fabric_of(state, 7, 7)
-        points = state.centreline.values
+        points = first_loop(state)
         centre = shift + 0.5 * (points.min(0) + points.max(0))
         lines = [line - centre for line in yarns.polylines]
         radius = 0.5 * float(state.diameter)

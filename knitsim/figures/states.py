@@ -17,7 +17,7 @@ N_PER_MM, GF_PER_CM = "N_per_mm", "gf_per_cm"
 
 def fabric_name(dataset):
     """Name of the yarn or fabric that a result file is about."""
-    return json.loads(dataset.attrs["configuration"])["name"]
+    return dataset.attrs["fabric"] or dataset.attrs["yarn"]
 
 
 def breaking_strain(dataset):
@@ -31,7 +31,7 @@ def law_source(dataset):
     if curve is None:
         return "Tension law of the yarn as stated in the configuration."
     file = PurePosixPath(curve["file"] or curve["files"][0])
-    if file.stem.endswith("_rebuilt"):
+    if curve["rebuilt"]:
         return (
             "Tension law of the yarn rebuilt from the paper's constants, not measured; the paper's"
             " measured curve of the fabric is not available."
@@ -55,6 +55,21 @@ def with_centreline(dataset):
             dataset.attrs.get("title", "dataset"), "no centreline", "the scene must store it"
         )
     return dataset
+
+
+def one_loop(dataset):
+    """The dataset of a test of the kinematic model, with the centre line of its one loop."""
+    return with_centreline(dataset).isel(loop=0)
+
+
+def first_loop(state):
+    """Centre line (point, 3) (m) of the first loop of a state."""
+    return state.centreline.values.reshape(-1, state.sizes["point"], 3)[0]
+
+
+def courses_of(state):
+    """Courses in the repeating cell of a state."""
+    return int(state.loop_course.max()) + 1
 
 
 def loading(dataset):

@@ -29,6 +29,7 @@ from knitsim.figures.states import (
     PERCENT,
     breaking_strain,
     fabric_name,
+    first_loop,
     heading,
     is_beyond_break,
     law_source,
@@ -149,7 +150,7 @@ def _draw_piece(ax, state, reach):
         2 * int(np.ceil(half / step)) + 3 for half, step in zip(reach, (w, c), strict=True)
     )
     yarns, shift = fabric_of(state, wide, high)
-    points = state.centreline.values
+    points = first_loop(state)
     centre = shift + 0.5 * (points.min(0) + points.max(0)) * [1.0, 1.0, 0.0]
     window = (-reach[0], reach[0], -reach[1], reach[1])
     lines = [line - centre for line in yarns.polylines]

@@ -4,7 +4,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
-import xarray as xr
 
 from knitsim.equilibrium.contact import BarrierContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
@@ -13,14 +12,16 @@ from knitsim.equilibrium.to_accuracy import Settings, settings_for
 from knitsim.errors import InputError
 from knitsim.measured.read import read_entry
 from knitsim.stages.laws import calibration_of, laws_of
+from knitsim.stages.ledger import effect_dataset
 from knitsim.stages.needs import cell_of
-from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES, VARIABLES
 from knitsim.store.tensile import stack_variants
 from knitsim.store.writer import to_json
 from knitsim.study.contact_keys import stated_contact
+from knitsim.study.schema import closure
 from knitsim.yarn.compression import fit_barrier_test
 
-_STATES = VARIABLES["status"].flags
+# Keys of the scene that say how finely a fabric is solved.
+_FINENESS = ("equilibrium_rest.points", "equilibrium_rest.accuracy")
 
 
 def contact_of(yarn):
@@ -65,17 +66,23 @@ def named_by_key(fabric):
 def settings_of(fabric):
     """Settings (of knitsim.equilibrium.to_accuracy) that the scene of a FabricInput asks for.
 
-    Those for an accuracy are sought once, for a fabric and what with_value makes of it.  Raises
+    They follow from the input alone; those for an accuracy are sought, which takes computing.  Raises
     InputError where none reaches the accuracy.
     """
-    if fabric.settings is None:
-        test = fabric.scene["equilibrium_rest"]
-        if test["accuracy"] is None:
-            found = Settings(Resolution(points=test["points"]), FRICTION_INCREMENT, None)
-        else:
-            found = _settings_for(fabric, test["accuracy"])
-        fabric.settings = found
-    return fabric.settings
+    test = fabric.scene["equilibrium_rest"]
+    if test["accuracy"] is None:
+        return Settings(Resolution(points=test["points"]), FRICTION_INCREMENT, None)
+    return _settings_for(fabric, test["accuracy"])
+
+
+def settings_again(fabric, stated, settings):
+    """Settings for what with_value made of ``stated``, whose own are ``settings``.
+
+    They stay, so that the effect of an assumption is not that of other points, unless the scene asks
+    for others.
+    """
+    same = all(fabric.scene[key] == stated.scene[key] for key in _FINENESS)
+    return settings if same else settings_of(fabric)
 
 
 def _settings_for(fabric, accuracy):
@@ -99,120 +106,36 @@ def _settings_for(fabric, accuracy):
         raise InputError(where, value, f"fabric {fabric.name}: {error.right}") from error
 
 
-def resolution_of(fabric, test="equilibrium_rest"):
-    """Resolution that an equilibrium test of the scene asks for."""
-    return replace(settings_of(fabric).resolution, cell=cell_of(fabric.scene, test))
+def resolution_for(fabric, settings, test="equilibrium_rest"):
+    """Resolution of an equilibrium test of the scene of a FabricInput under these settings."""
+    return replace(settings.resolution, cell=cell_of(fabric.scene, test))
 
 
-def from_rest(curve, relaxed):
-    """The Curve with the relaxed state as its first: strain, force, work and their error are zero."""
-    first = {
-        "energy": relaxed.energy,
-        "min_distance": relaxed.min_distance,
-        "residual": relaxed.residual,
-        "iterations": relaxed.iterations,
-        "cycle": 1,
-        "y": relaxed.y,
-    }
-    names = (
-        "strain", "wale_strain", "phase", "cycle", "force_per_loop", "force_per_width", "forces",
-        "energy", "work", "dissipated", "min_distance", "residual", "iterations", "status", "y",
-        "numerical_error",
-    )  # fmt: skip
-    rows = {}
-    for name in names:
-        values = np.asarray(getattr(curve, name))
-        row = np.broadcast_to(np.asarray(first.get(name, 0)), values.shape[1:])
-        rows[name] = np.concatenate([row[None], values]).astype(values.dtype)
-    return curve.replaced(**rows)
+def resolution_of(fabric):
+    """As :func:`resolution_for` of the fabric at rest, under the settings that it asks for."""
+    return resolution_for(fabric, settings_of(fabric))
 
 
-def padding(reached, steps=None):
-    """A function that fills an array (reached, ...) up to ``steps`` rows, by default as it is.
+def both_ways(largest, states):
+    """Values of a test: to the largest, back to 0, to its negative, and back; the ends hit exactly."""
+    up = largest * np.arange(1, states + 1) / states
+    back = np.append(up[-2::-1], 0.0)
+    return np.concatenate([up, back, -up, -back])
 
-    It takes the array and what stands in the rows that were not reached, not a number by default.
+
+def variants_dataset(fabric, stage, solved, headlines, timings):
+    """Dataset of a test in all its conditions, with the effect of the assumptions.
+
+    solved: {condition: (its curve, a function of the number of rows that gives its Dataset)}; headlines:
+    as ledger.effect_dataset takes them.  Where a curve ended early stands in ``stop_reason``.
     """
-    steps = reached if steps is None else steps
-
-    def padded(values, fill=np.nan):
-        values = np.asarray(values)
-        out = np.full((steps, *values.shape[1:]), fill, dtype=np.result_type(values, type(fill)))
-        out[:reached] = values
-        return out
-
-    return padded
-
-
-def status_of(yarn_strain, breaking_strain, steps=None):
-    """Status flags (int8) of states by their yarn strain (reached,), padded to ``steps``."""
-    status = np.where(
-        yarn_strain > breaking_strain,
-        _STATES.index("beyond_breaking_strain"),
-        _STATES.index("valid"),
-    )
-    missing = _STATES.index("not_converged")
-    return padding(status.size, steps)(status, missing).astype(np.int8)
-
-
-def curve_dataset(curve, relaxed, breaking_strain, steps=None, along="strain"):
-    """Dataset of a knitsim.equilibrium Curve, padded to ``steps`` stored states.
-
-    along: name of the coordinate that the test goes through, ``strain`` or ``shear_angle``.  Rows
-    that were not reached hold no numbers and the status not_converged.
-    """
-    status = status_of(curve.yarn_strain, breaking_strain, steps)
-    own = {
-        "force_per_loop": curve.force_per_loop,
-        "force_per_width": curve.force_per_width,
-        "yarn_tension": curve.yarn_tension,
-        "yarn_strain": curve.yarn_strain,
-        "transverse_strain": curve.transverse_strain(relaxed),
-    }
-    return states_dataset(curve, own, curve.centreline, {along: curve.strain}, status)
-
-
-def states_dataset(curve, own, centreline, coordinate, status):
-    """Dataset of the states of a tensile, shear or bending test, padded to the rows of ``status``.
-
-    own: arrays (states,) of this kind of test, by name, beside what all of them store; coordinate:
-    {name: (states,)}, what the test goes through.
-    """
-    padded = padding(curve.steps, status.size)
-    data = {name: ("step", padded(values)) for name, values in own.items()}
-    for name in (
-        "wale_spacing", "course_spacing", "work", "dissipated", "min_distance", "residual",
-        "numerical_error",
-    ):  # fmt: skip
-        data[name] = ("step", padded(getattr(curve, name)))
-    data["iterations"] = ("step", padded(curve.iterations, 0))
-    intact = padded(curve.crossings_intact.astype(np.int8), 0).astype(np.int8)
-    data["crossings_intact"] = ("step", intact)
-    data["status"] = ("step", status)
-    data["energy"] = (("step", "term"), padded(curve.energy))
-    data["centreline"] = (("step", "point", "axis"), padded(centreline))
-    phase = np.array(PHASES)[padded(curve.phase, 0).astype(int)]
-    return xr.Dataset(
-        data,
-        {
-            "step": np.arange(status.size),
-            "term": list(ENERGY_TERMS),
-            "point": np.arange(centreline.shape[1]),
-            "axis": list(AXES),
-            **{name: ("step", padded(values)) for name, values in coordinate.items()},
-            "phase": ("step", phase),
-            "cycle": ("step", padded(curve.cycle, 1)),
-        },
-    )
-
-
-def variants_dataset(fabric, stage, states, reasons, effects):
-    """Dataset of a test in all its variants.
-
-    states: {variant: Dataset}; reasons: {variant: why its curve ended early, or nothing}; effects:
-    Dataset of what the assumptions change.
-    """
-    dataset = stack_variants(states).merge(effects)
+    steps = max(curve.steps for curve, _ in solved.values())
+    dataset = stack_variants({name: dataset_of(steps) for name, (_, dataset_of) in solved.items()})
+    with timings.measure("effect of the assumptions"):
+        dataset = dataset.merge(effect_dataset(fabric, closure(stage), headlines))
     dataset["diameter"] = fabric.yarn["diameter"]
     dataset.attrs["readings"] = to_json(fabric.scene[stage]["variants"])
-    dataset.attrs["stop_reason"] = "; ".join(f"{n}: {r}" for n, r in reasons.items() if r)
+    dataset.attrs["stop_reason"] = "; ".join(
+        f"{name}: {curve.stop_reason}" for name, (curve, _) in solved.items() if curve.stop_reason
+    )
     return dataset

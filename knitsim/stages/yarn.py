@@ -204,7 +204,7 @@ def run(yarn):
     with timings.measure("effect of the assumptions"):
         dataset = xr.merge([dataset, effect_dataset(yarn, closure(STAGE), headlines)])
     if calibration is not None:
-        dataset.attrs["calibration"] = calibration.statement
+        dataset.attrs["calibration_statement"] = calibration.statement
         dataset.attrs["calibration_source"] = calibration.source
         dataset.attrs["measured_tests"] = to_json({"tension_curve": calibration.record})
     describe_stage(

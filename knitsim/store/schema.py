@@ -6,7 +6,7 @@ This table is the contract with readers of the files.  A change of it is a chang
 
 from dataclasses import dataclass
 
-SCHEMA_VERSION = "1.0"
+SCHEMA_VERSION = "2.0"
 CONVENTIONS = "CF-1.11, ACDD-1.3"
 
 AXES = ("course", "wale", "thickness")
@@ -30,6 +30,9 @@ COORDINATES = {
     "term": Name(None, "energy term"),
     "variant": Name(None, "reading of the same test"),
     "step": Name("1", "number of the stored state, in the order of the test"),
+    "loop": Name("1", "number of the loop in the repeating cell, along its courses in turn"),
+    "loop_wale": Name("1", "wale of the loop in the repeating cell, from 0"),
+    "loop_course": Name("1", "course of the loop in the repeating cell, from 0"),
     "point": Name("1", "number of the point along one loop"),
     "section": Name("1", "number of the cross-section along one loop"),
     "fibre": Name("1", "number of the fibre in its cross-section"),
@@ -120,7 +123,10 @@ VARIABLES = {
     "friction_dissipated": Name("J m-1", "work of F = c v per length of yarn, cumulative"),
     "work_per_length": Name("J m-1", "work done per length of yarn, cumulative"),
     # loop
-    "centreline": Name("m", "centre line of one loop", shape=True),
+    "centreline": Name(
+        "m", "centre lines; the last point of a loop is the first of the next one in its course",
+        shape=True,
+    ),
     "model_length": Name("m", "length L of the bent model along the bent direction"),
     "tangent": Name("1", "unit tangent of the centre line", shape=True),
     "normal": Name("1", "first unit normal of the rotation-minimising frame", shape=True),
@@ -164,7 +170,9 @@ VARIABLES = {
     "work": Name("J", "work done per loop, cumulative"),
     "dissipated": Name("J", "energy lost per loop, cumulative"),
     "min_distance": Name("1", "smallest distance of yarn centre lines, in yarn diameters"),
-    "crossings_intact": Name(None, "whether the loops are interlooped", ("lost", "intact")),
+    "crossings_intact": Name(
+        None, "whether the loops are interlooped", ("lost", "intact", "not_reached")
+    ),
     "stated_wale_spacing": Name("m", "distance of neighbouring wales as stated"),
     "stated_course_spacing": Name("m", "distance of neighbouring courses as stated"),
     "fitted_loop_length": Name("m", "loop length with which the relaxed density is the stated one"),

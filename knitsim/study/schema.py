@@ -131,6 +131,8 @@ TENSION_CURVE = Section(
             "Length between the clamps, if the file gives extension and does not state it.",
             unit="mm", allowed="(0, 1e5]"),
         ZERO_KEY,
+        Key("rebuilt", "rebuilt", "flag", "Whether the curve was computed from stated constants "
+            "instead of measured: a fit to it then finds no more than these.", default=False),
     ),
 )
 
