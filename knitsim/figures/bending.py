@@ -8,15 +8,14 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from knitsim.figures import style
+from knitsim.figures.panels import LETTERS, heading, legend, letter, note
 from knitsim.figures.states import (
     MM,
     PER_CM,
     PERCENT,
     courses_of,
     fabric_name,
-    heading,
     is_beyond_break,
-    letter,
     one_loop,
     state_at,
     thinned,
@@ -24,9 +23,9 @@ from knitsim.figures.states import (
 from knitsim.figures.style import COLOURS, YARN_COLOURS
 from knitsim.figures.tubes import draw_tubes, view_of
 from knitsim.loop.repeat import bent_courses, rolled
+from knitsim.store.results import DIRECTIONS
 from knitsim.units import from_si
 
-DIRECTIONS = ("course", "wale")
 SYMBOL = {"course": "z", "wale": "y"}  # the paper's coordinates; x is the thickness
 LOOPS = {"course": (8, 6), "wale": (8, 9)}  # wales and courses drawn of a fabric bent along it
 VIEW = {"course": (-14.0, -50.0), "wale": (-44.0, -16.0)}  # along the cylinder's axis, from above
@@ -91,11 +90,10 @@ def fig10_bending_curvature(bending_course, bending_wale):
         Line2D([], [], color="black", linestyle=PRINTED_LINE, marker="x", markersize=4,
                label="as printed"),
     ]  # fmt: skip
-    fig.legend(
-        handles=handles, loc="outside lower center", ncols=6,
-        title="Positive curvature: technical face convex.  As printed, K' = 0 is 0/0, not a number:\n"
+    legend(
+        fig, {handle.get_label(): handle for handle in handles}, ncols=6,
+        note="Positive curvature: technical face convex.  As printed, K' = 0 is 0/0, not a number:\n"
         "neither the flat fabric nor the section at the fixed edge has a position.",
-        title_fontsize=7,
     )  # fmt: skip
     return fig
 
@@ -148,13 +146,15 @@ def _curvature_row(axes, bending, direction):
     axes[2].set_xlabel(f"bent position {symbol}' (mm)")
     axes[2].set_ylabel("bent position x' (mm)")
     if forms["printed"] is not None:
-        axes[2].annotate("printed: all\nnear L", (from_si(length, MM), 0.93), ha="center", va="top",
-                         xycoords=("data", "axes fraction"), fontsize=6.5)  # fmt: skip
+        axes[2].annotate(
+            "printed: all near L", (0.98, 0.97), ha="right", va="top", xycoords="axes fraction",
+            fontsize=6.5,
+        )  # fmt: skip
     axes[2].set_aspect("equal", adjustable="datalim")
     letters = "abc" if direction == "course" else "def"
-    letter(axes[0], f"({letters[0]}) bent along the {direction}: angle")
-    letter(axes[1], f"({letters[1]}) curvature")
-    letter(axes[2], f"({letters[2]}) sections from the side")
+    titles = (f"bent along the {direction}: angle", "curvature", "sections from the side")
+    for ax, key, title in zip(axes, letters, titles, strict=True):
+        letter(ax, key, title)
 
 
 def fig11_bending(bending_course, bending_wale):
@@ -166,6 +166,7 @@ def fig11_bending(bending_course, bending_wale):
         f"Fig. 11  Fabric {fabric_name(bending_course)} in pure bending, face side and back side, along"
         " course (above) and wale (below)",
     )
+    keys = iter(LETTERS)
     for k, (direction, bending) in enumerate(tests.items()):
         corrected, printed = _forms(bending)
         back, face = states_of(bending)[:2], states_of(bending)[2:]
@@ -178,14 +179,18 @@ def fig11_bending(bending_course, bending_wale):
             drawn.append(
                 _printed(printed.isel(step=largest), corrected.isel(step=largest), direction)
             )
+        drawn = [
+            (courses, colours, f"({next(keys)}) {title}", ink)
+            for courses, colours, title, ink in drawn
+        ]
         draw_pieces(axes[2 * k : 2 * k + 2].flat, drawn, 0.5 * float(bending.diameter), direction)
         for panel in axes[2 * k : 2 * k + 2].flat[len(drawn) :]:
             panel.set_axis_off()
-    fig.supxlabel(
+    note(
+        fig,
         "Images of the loop are turned about the cylinder's axis along the bent direction, and shifted"
         " across it.\nThe printed form has no images: it places one model of length L, and at zero"
         " curvature it is 0/0, not a number.",
-        fontsize=7,
     )
     return fig
 

@@ -15,7 +15,7 @@ def draw(figures, files, stems):
     """
     data = {name: _loaded(path) for name, path in files.items()}
     for figure in figures:
-        style.save(drawn(figure, data), stems[figure.name])
+        style.save(drawn(figure, data), stems[figure.name], figure.caption)
 
 
 def _loaded(path):

@@ -1,7 +1,5 @@
 """Figure of the tensile test in the equilibrium model: forces, shape, energies and the fabric."""
 
-from textwrap import fill
-
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
@@ -11,13 +9,15 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import EngFormatter, MaxNLocator
 
 from knitsim.figures import style
-from knitsim.figures.readings import (
-    OTHER,
-    draw_equilibrium,
-    equilibrium_styles,
+from knitsim.figures.panels import RECOVERY, heading, labelled, legend, letter, note, second_axis
+from knitsim.figures.readings import OTHER, starting_spacings
+from knitsim.figures.solved import (
+    draw,
+    draw_errors,
+    ended,
+    is_recovered,
     residual_handle,
     runs,
-    starting_spacings,
     with_states,
 )
 from knitsim.figures.states import (
@@ -27,15 +27,13 @@ from knitsim.figures.states import (
     PERCENT,
     courses_of,
     fabric_name,
-    heading,
     is_beyond_break,
-    letter,
     readings,
     thinned,
     with_centreline,
 )
 from knitsim.figures.tubes import draw_tubes, fabric_polylines
-from knitsim.units import from_si, to_si
+from knitsim.units import from_si
 
 # Stacked from below; the energy that friction took last.
 ENERGY_COLOURS = {
@@ -44,26 +42,24 @@ ENERGY_COLOURS = {
     "stretch": style.GREEN,
     "lost to friction": "#C8C8C8",
 }
-SMALLEST_OF_LARGEST = 0.01  # numerical_error is relative to no less than that of the largest force
+APART = 1.6  # diameters of arc below which two places of one yarn do not touch
 
 
 def fig16_equilibrium_tension(equilibrium_course, equilibrium_wale):
     """Load and extension with its error, contraction, energies and fabric, in both directions."""
     given = {"course": equilibrium_course, "wale": equilibrium_wale}
-    ended = [f"{direction} pull, ended early: {test.attrs['stop_reason']}"
-             for direction, test in given.items() if test.attrs["stop_reason"]]  # fmt: skip
     tests = {
         direction: with_states(test)
         for direction, test in given.items() if with_states(test) is not None
     }  # fmt: skip
-    fig = style.page(height_mm=232.0)
+    fig = style.page(height_mm=242.0)
     heading(
         fig,
         f"Fig. 16  Fabric {fabric_name(equilibrium_course)} under tension in the equilibrium model:"
         " course (above) and wale",
     )
-    if ended:
-        fig.supxlabel("\n".join(fill(text, 120) for text in ended), fontsize=7)
+    if ended(given):
+        note(fig, "\n".join(ended(given)))
     if not tests:
         return fig
     curves, energies, fabrics = fig.add_gridspec(3, 1, height_ratios=[2.4, 1.0, 0.75])
@@ -75,90 +71,90 @@ def fig16_equilibrium_tension(equilibrium_course, equilibrium_wale):
     for ax, (direction, test, name), key in zip(row, panels, "ijkl", strict=False):
         curve = test.sel(variant=name)
         _energies(ax, curve)
-        if _is_recovered(curve):
+        if is_recovered(curve):
             _say_left_over(ax, curve)
         ax.set_xlabel(f"{direction} strain (%)")
         ax.set_ylabel("energy per loop (J)" if ax is row[0] else "")
-        letter(ax, f"({key}) {name}")
+        letter(ax, key, f"energy, {name}")
     _fabrics(fig, fabrics, tests)
-    handles = {
-        _condition(name, readings(test)[name]): Line2D([], [], **look)
-        for test in tests.values() for name, look in equilibrium_styles(test).items()
-    } | {
-        "loading": Line2D([], [], color=style.GREY, linestyle=style.LINES["loading"]),
-        "recovery": Line2D([], [], color=style.GREY, linestyle=style.LINES["recovery"]),
-        "estimated numerical error": Patch(color=style.GREY, alpha=0.35, linewidth=0),
-    }  # fmt: skip
-    handles |= residual_handle()
-    handles |= {name: Patch(color=colour) for name, colour in ENERGY_COLOURS.items()}
+    handles = labelled(grid[:, 0]) | RECOVERY | residual_handle()
+    handles["estimated numerical error"] = Patch(color=style.GREY, alpha=0.35, linewidth=0)
+    handles |= {f"energy: {name}": Patch(color=colour) for name, colour in ENERGY_COLOURS.items()}
     handles["work done, from the energy at rest"] = Line2D([], [], color="black", linestyle=":")
-    fig.legend(handles.values(), handles, loc="outside lower center", ncols=3)
+    legend(fig, handles, ncols=2)
     return fig
-
-
-def _condition(name, choices):
-    """A condition by its name, and in words."""
-    width = {"loaded": f"under {from_si(choices['lateral_load'], N_PER_MM):.3g} N/mm"}
-    return (
-        f"{name}: {'with' if choices['friction'] else 'no'} friction,"
-        f" width {width.get(choices['lateral'], choices['lateral'])}"
-    )
 
 
 def _curves(row, test, direction, letters):
     """Load and extension, whole and small forces; contraction; how close the yarns come."""
     force = from_si(test.force_per_width, N_PER_MM)
     for ax in row[:2]:
-        for name, look in equilibrium_styles(test).items():
-            _error_band(ax, test.sel(variant=name), look["color"])
-        draw_equilibrium(ax, test, force, residual=ax is row[1])
+        draw_errors(ax, test, "force_per_width", N_PER_MM, PERCENT)
+        draw(ax, test, force, PERCENT, residual=ax is row[1])
         ax.set_ylim(bottom=0.0)
-        side = ax.secondary_yaxis(
-            "right",
-            functions=(
-                lambda force: from_si(to_si(force, N_PER_MM), GF_PER_CM),
-                lambda force: from_si(to_si(force, GF_PER_CM), N_PER_MM),
-            ),
-        )
     row[0].set_ylabel("force per width (N/mm)")
-    side.set_ylabel("force per width (gf/cm)")
+    second_axis(row[1], N_PER_MM, GF_PER_CM, "force per width (gf/cm)")
     _show_small(row[1], test, force)
-    draw_equilibrium(row[2], test, from_si(test.transverse_strain, PERCENT))
+    draw(row[2], test, from_si(test.transverse_strain, PERCENT), PERCENT)
     row[2].set_ylabel(f"strain along the {OTHER[direction]} (%)")
-    draw_equilibrium(row[3], test, test.min_distance)
+    draw(row[3], test, test.min_distance, PERCENT)
     row[3].axhline(1.0, color=style.GREY, linewidth=0.8, linestyle=":")
     row[3].set_ylabel("closest centre lines (diameters)")
+    touch = strain_of_touch(with_centreline(test).isel(variant=0))
     titles = ("load", "small loads", "contraction", "closest yarns")
     for ax, key, title in zip(row, letters, titles, strict=True):
         ax.set_xlim(left=0.0)
         ax.set_xlabel(f"{direction} strain (%)")
         ax.locator_params(axis="x", nbins=4)
-        letter(ax, f"({key}) {title}")
+        letter(ax, key, title)
+        if touch is not None and ax in row[:2]:
+            x = from_si(touch, PERCENT)
+            ax.axvline(x, color=style.GREY, linewidth=0.8, linestyle=(0, (1, 2)), zorder=0)
+            if ax is row[1]:
+                ax.annotate(
+                    f"legs touch\nat {x:.0f} %", (x, 0.97), (-3, 0), xycoords=("data", "axes fraction"),
+                    textcoords="offset points", ha="right", va="top", fontsize=6.5,
+                )  # fmt: skip
 
 
-def force_error(curve):
-    """Estimated error (N/m) of the force per width of one variant, (steps,)."""
-    force = np.abs(curve.force_per_width.values)
-    return curve.numerical_error.values * np.fmax(force, SMALLEST_OF_LARGEST * np.nanmax(force))
+def strain_of_touch(curve):
+    """Strain at which, first on loading, the yarn of a course comes to touch itself; None if never.
+
+    From then on a loop can give way only by squeezing its legs.  Read from the stored centre lines,
+    between states in proportion.
+    """
+    diameter, before = float(curve.diameter), None
+    for step in runs(curve)[0][1]:
+        state = curve.isel(step=step)
+        courses = np.split(state.centreline.values, courses_of(state))
+        gap = min(_gap(yarn, float(state.wale_spacing), diameter) for yarn in courses) - diameter
+        strain = float(state.strain)
+        if gap <= 0.0:
+            if before is None:
+                return None  # it does so at rest
+            return before[0] + (strain - before[0]) * before[1] / (before[1] - gap)
+        before = strain, gap
+    return None
 
 
-def _error_band(ax, curve, colour):
-    force, error = curve.force_per_width.values, force_error(curve)
-    low, high = from_si(np.array([force - error, force + error]), N_PER_MM)
-    strain = from_si(curve.strain.values, PERCENT)
-    for _, states in runs(curve):
-        ax.fill_between(
-            strain[states], low[states], high[states], color=colour, alpha=0.35, linewidth=0
-        )
+def _gap(loops, wale_spacing, diameter):
+    """Smallest distance (m) of two places of one yarn that are apart along it.
 
-
-def _is_recovered(curve):
-    return any(phase == "recovery" for phase, _ in runs(curve))
+    loops: (wales, n, 3) (m), a course of the cell.
+    """
+    line = loops[:, :-1].reshape(-1, 3)
+    n, period = len(line), len(loops) * wale_spacing
+    step = np.linalg.norm(np.diff(np.concatenate(loops), axis=0), axis=1).max()
+    least = int(np.ceil(APART * diameter / step))
+    images = np.concatenate([line + [turn * period, 0.0, 0.0] for turn in (-1, 0, 1)])
+    away = np.linalg.norm(line[:, None] - images[None], axis=2)
+    between = np.abs(np.arange(n)[:, None] - (np.arange(3 * n) - n)[None])
+    return float(away[between >= least].min())
 
 
 def _show_small(ax, test, force):
     """Limit the panel to the strains and loads of the condition that recovers."""
-    recovered = [name for name in readings(test) if _is_recovered(test.sel(variant=name))]
+    recovered = [name for name in readings(test) if is_recovered(test.sel(variant=name))]
     shown = test.sel(variant=recovered[:1]) if recovered else test
     share = 1.15 if recovered else 0.1
     ax.set_ylim(top=share * float(force.sel(variant=shown.variant).max()))
@@ -197,9 +193,8 @@ def _energies(ax, curve):
     total, work = energy.sum(0) + lost, curve.work.values[states]
     work = total[0] - work[0] + work
     ax.stackplot(
-        path, *parts.values(), linewidth=0,
-        colors=[ENERGY_COLOURS[name] for name in parts],
-    )  # fmt: skip
+        path, *parts.values(), linewidth=0, colors=[ENERGY_COLOURS[name] for name in parts]
+    )
     ax.plot(path, work, ":", color="black")
     ax.set_xlim(0.0, path[-1])
     ax.set_ylim(0.0, 1.08 * max(work.max(), total.max()))
@@ -246,20 +241,20 @@ def _fabrics(fig, place, tests):
     reach = np.array(starting_spacings(test, direction)) * [1.5, 2.0]
     window = (-reach[0], reach[0], -reach[1], reach[1])
     colours = colormaps[style.TENSION_MAP]
-    for ax, (direction, state), values in zip(axes, drawn, bent, strict=True):
+    for ax, (direction, state), values, key in zip(axes, drawn, bent, "mnopqr", strict=False):
         spacings = np.array([float(state.wale_spacing), float(state.course_spacing)])
         yarns = fabric_polylines(
             state.centreline.values, *spacings, *(2 * np.ceil(reach / spacings).astype(int) + 3),
-            courses=courses_of(state),
-            colours=colours(scale(from_si(values, PER_CM)))[..., :3], centred=True,
+            courses=courses_of(state), centred=True,
+            colours=colours(scale(from_si(values, PER_CM)))[..., :3],
         )  # fmt: skip
         draw_tubes(ax, yarns.polylines, 0.5 * float(state.diameter), yarns.colours, window=window)
         force = from_si(float(state.force_per_width), N_PER_MM)
         broken = "\nbeyond break" if is_beyond_break(state) else ""
         ax.set_title(
-            f"{direction} {from_si(float(state.strain), PERCENT):+.0f} %\n{force:.2g} N/mm{broken}",
-            fontsize=7,
-        )
+            f"({key}) {direction} {from_si(float(state.strain), PERCENT):+.0f} %\n{force:.2g} N/mm"
+            f"{broken}", fontsize=7,
+        )  # fmt: skip
         ax.set_xlabel("course (mm)")
         ax.set_ylabel("wale (mm)")
         ax.locator_params(nbins=3)

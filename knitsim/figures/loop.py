@@ -8,7 +8,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import style
-from knitsim.figures.states import fabric_name, heading, letter, one_loop
+from knitsim.figures.panels import heading, labelled, legend, letter
+from knitsim.figures.states import fabric_name, one_loop
 from knitsim.figures.tubes import View, draw_tubes, fabric_polylines, render_tubes, view_of
 from knitsim.figures.yarn import (
     ALONG,
@@ -61,31 +62,30 @@ def fig03_loop_anchors(loop):
     bottom, top = low[1] - 1.35 * d, high[1] + 1.0 * d
     middle, half = 0.5 * (low[2] + high[2]), 0.5 * float(loop["thickness"])
     left, right, reach = -0.85 * w, 1.85 * w, 1.7 * half
-    with style.context():
-        fig, axes = style.figure(
-            height_mm=104.0, rows=1, columns=2, width_ratios=[right - left, 2.0 * reach]
-        )
-        heading(fig, f"Loop of the fabric “{fabric_name(loop)}”: {_size(loop)}")
-        face, side = axes[0]
-        _draw_loop(face, loop, "face", (left, right, bottom, top))
-        _draw_loop(side, loop, SIDE, (middle - reach, middle + reach, bottom, top))
-        anchors = _mm(loop["anchor_point"].values)
-        head = len(anchors) // 2
-        for k, place in enumerate(anchors):
-            mirrored = k > head
-            number = 2 * head - k + 1 if mirrored else k + 1
-            offset = np.array(_BESIDE_FACE[number - 1]) * ([-1, 1] if mirrored else [1, 1])
-            _number(face, place[:2], f"{number}{'′' * mirrored}", offset)
-            if not mirrored:  # from the side both halves are one
-                text = f"{number}" if k == head else f"{number}, {number}′"
-                _number(side, place[[2, 1]], text, _BESIDE_SIDE[k])
-        _mark_face(face, loop, low[1])
-        ends, y = _mm([middle - half, middle + half]), _mm(low[1] - 1.0 * d)
-        _dimension(side, (ends[0], y), (ends[1], y), f"{ends[1] - ends[0]:.3f}", _mm(low[1]))
-        letter(face, "(a) From the technical face")
-        letter(side, "(b) From the side")
-        fig.legend(*face.get_legend_handles_labels(), loc="outside lower center", ncols=3)
-        return fig
+    fig, axes = style.figure(
+        height_mm=104.0, rows=1, columns=2, width_ratios=[right - left, 2.0 * reach]
+    )
+    heading(fig, f"Fig. 3  Loop of the fabric “{fabric_name(loop)}”: {_size(loop)}")
+    face, side = axes[0]
+    _draw_loop(face, loop, "face", (left, right, bottom, top))
+    _draw_loop(side, loop, SIDE, (middle - reach, middle + reach, bottom, top))
+    anchors = _mm(loop["anchor_point"].values)
+    head = len(anchors) // 2
+    for k, place in enumerate(anchors):
+        mirrored = k > head
+        number = 2 * head - k + 1 if mirrored else k + 1
+        offset = np.array(_BESIDE_FACE[number - 1]) * ([-1, 1] if mirrored else [1, 1])
+        _number(face, place[:2], f"{number}{'′' * mirrored}", offset)
+        if not mirrored:  # from the side both halves are one
+            text = f"{number}" if k == head else f"{number}, {number}′"
+            _number(side, place[[2, 1]], text, _BESIDE_SIDE[k])
+    _mark_face(face, loop, low[1])
+    ends, y = _mm([middle - half, middle + half]), _mm(low[1] - 1.0 * d)
+    _dimension(side, (ends[0], y), (ends[1], y), f"{ends[1] - ends[0]:.3f}", _mm(low[1]))
+    letter(face, "a", "From the technical face")
+    letter(side, "b", "From the side")
+    legend(fig, labelled([face]))
+    return fig
 
 
 def _draw_loop(ax, loop, view, window):
@@ -167,35 +167,34 @@ def fig04_yarn_into_loop(loop):
     positions = _fibre_positions(loop)
     colours = fibre_colours(len(positions), _outer_fibres(positions, 3))
     radius = 0.5 * float(loop["fibre_diameter"])
-    with style.context():
-        fig, axes = style.figure(
-            height_mm=146.0, rows=3, columns=4, height_ratios=[0.6, 2.6, 1.5],
-            width_ratios=[1.2, 1, 1, 1],
-        )  # fmt: skip
-        heading(
-            fig,
-            f"Yarn laid into the loop of the fabric “{fabric_name(loop)}”: {len(positions)} fibres, "
-            + (f"{abs(twist):.0f} turns/m {'Z' if twist > 0 else 'S'}" if twist else "no twist"),
-        )
-        straight, errors = span(axes[0]), span(axes[2])
-        draw_tubes(
-            straight, list(straight_fibres(positions, twist, length, len(fibres))), radius, colours,
-            ALONG, window=(0.0, length, -0.6 * d, 0.6 * d),
-        )  # fmt: skip
-        letter(straight, "(a) The straight yarn of one loop, with all its fibres", y=1.1)
-        draw_tubes(axes[1, 0], list(np.swapaxes(fibres, 0, 1)), radius, colours, "face")
-        letter(axes[1, 0], "(b) In the loop")
-        axes[1, 0].yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
-        _draw_discs(axes[1, 1], loop, loop["tangent"].values, style.COLOURS["corrected"])
-        letter(axes[1, 1], "(c) Sections, corrected")
-        for ax, key, (order, (label, colour, _)) in zip(
-            axes[1, 2:], "de", _ORDERS.items(), strict=True
-        ):
-            _draw_discs(ax, loop, loop["printed_section_axis"].sel(order=order).values, colour)
-            letter(ax, f"({key}) Printed, {label}")
-        _draw_errors(errors, loop)
-        letter(errors, "(f) Angle between the axis of the sections (arrows above) and the yarn")
-        return fig
+    fig, axes = style.figure(
+        height_mm=146.0, rows=3, columns=4, height_ratios=[0.6, 2.6, 1.5],
+        width_ratios=[1.2, 1, 1, 1],
+    )  # fmt: skip
+    heading(
+        fig,
+        f"Fig. 4  Yarn laid into the loop of the fabric “{fabric_name(loop)}”: {len(positions)} fibres, "
+        + (f"{abs(twist):.0f} turns/m {'Z' if twist > 0 else 'S'}" if twist else "no twist"),
+    )
+    straight, errors = span(axes[0]), span(axes[2])
+    draw_tubes(
+        straight, list(straight_fibres(positions, twist, length, len(fibres))), radius, colours,
+        ALONG, window=(0.0, length, -0.6 * d, 0.6 * d),
+    )  # fmt: skip
+    letter(straight, "a", "The straight yarn of one loop, with all its fibres", y=1.1)
+    draw_tubes(axes[1, 0], list(np.swapaxes(fibres, 0, 1)), radius, colours, "face")
+    letter(axes[1, 0], "b", "In the loop")
+    axes[1, 0].yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    _draw_discs(axes[1, 1], loop, loop["tangent"].values, style.COLOURS["corrected"])
+    letter(axes[1, 1], "c", "Sections, corrected")
+    for ax, key, (order, (label, colour, _)) in zip(
+        axes[1, 2:], "de", _ORDERS.items(), strict=True
+    ):
+        _draw_discs(ax, loop, loop["printed_section_axis"].sel(order=order).values, colour)
+        letter(ax, key, f"Printed, {label}")
+    _draw_errors(errors, loop)
+    letter(errors, "f", "Angle between the axis of the sections (arrows above) and the yarn")
+    return fig
 
 
 def _fibre_positions(loop):
@@ -314,20 +313,19 @@ def fig05_connected_loops(loop):
         "side_wale": (-tall, tall, low, high),
     }
     titles = ("Technical face", "Technical back", "Seen along the wales", "Seen along the courses")
-    with style.context():
-        fig, axes = style.figure(
-            height_mm=129.0, rows=2, columns=2, height_ratios=[2.0 * tall, high - low]
-        )
-        heading(fig, f"Connected loops of the fabric “{fabric_name(loop)}”: {_size(loop)}")
-        for ax, (view, window), key, title in zip(
-            axes.flat, windows.items(), "abcd", titles, strict=True
-        ):
-            draw_tubes(
-                ax, fabric.polylines, radius, fabric.colours, view, window=window,
-                twist=float(loop["twist"]),
-            )  # fmt: skip
-            letter(ax, f"({key}) {title}", y=1.02 if ax in axes[0] else 1.08)
-        return fig
+    fig, axes = style.figure(
+        height_mm=129.0, rows=2, columns=2, height_ratios=[2.0 * tall, high - low]
+    )
+    heading(fig, f"Fig. 5  Connected loops of the fabric “{fabric_name(loop)}”: {_size(loop)}")
+    for ax, (view, window), key, title in zip(
+        axes.flat, windows.items(), "abcd", titles, strict=True
+    ):
+        draw_tubes(
+            ax, fabric.polylines, radius, fabric.colours, view, window=window,
+            twist=float(loop["twist"]),
+        )  # fmt: skip
+        letter(ax, key, f"{title}", y=1.02 if ax in axes[0] else 1.08)
+    return fig
 
 
 def readme_picture(loop):
@@ -342,12 +340,11 @@ def readme_picture(loop):
         fabric.polylines, 0.5 * float(loop["diameter"]), fabric.colours, "oblique",
         twist=float(loop["twist"]), window=(-wide, wide, -tall, tall), pixel=2.0 * wide / columns,
     ).rgba  # fmt: skip
-    with style.context():
-        size = (from_si(n / style.DPI * INCH, "mm") for n in (columns, rows))
-        fig, axes = style.figure(*size)
-        axes[0, 0].remove()
-        # On white, and in steps of eight in 256, which are not seen and halve the file.
-        alpha = picture[..., 3:] / 255.0
-        opaque = picture[..., :3] * alpha + 255.0 * (1.0 - alpha)
-        fig.figimage(opaque.astype(np.uint8) & 0b11111000 | 0b111)
+    size = (from_si(n / style.DPI * INCH, "mm") for n in (columns, rows))
+    fig, axes = style.figure(*size)
+    axes[0, 0].remove()
+    # On white, and in steps of eight in 256, which are not seen and halve the file.
+    alpha = picture[..., 3:] / 255.0
+    opaque = picture[..., :3] * alpha + 255.0 * (1.0 - alpha)
+    fig.figimage(opaque.astype(np.uint8) & 0b11111000 | 0b111)
     return fig

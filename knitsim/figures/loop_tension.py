@@ -8,30 +8,29 @@ from matplotlib.colors import to_rgb
 from matplotlib.patheffects import withStroke
 
 from knitsim.figures import style
+from knitsim.figures.panels import RECOVERY, heading, labelled, legend, letter
 from knitsim.figures.readings import (
     BREAK_COLOUR,
     OTHER,
     PRINTED_LINE,
     break_handle,
     contractions,
-    draw_equilibrium,
     fabric_of,
     plot_loading,
     reading_label,
     reading_style,
     reference_and_printed,
-    spacing_axes,
+    spacing_axis,
     starting_texts,
     state_text,
     step_at_share,
-    with_states,
 )
+from knitsim.figures.solved import draw, with_states
 from knitsim.figures.states import (
     MM,
+    PERCENT,
     fabric_name,
-    heading,
     is_beyond_break,
-    letter,
     loading,
     one_loop,
 )
@@ -69,7 +68,8 @@ def _window(states, rest):
     """left, right, bottom, top (m) that hold the set-off loop in all these states, and letters."""
     points = np.concatenate([state.centreline.values for state in states])
     d = float(rest.diameter)
-    low, high = points.min(0)[:2] - [2.0 * d, 1.9 * d], points.max(0)[:2] + [2.0 * d, 1.9 * d]
+    # Room for the letters of the sections above and below.
+    low, high = points.min(0)[:2] - [2.0 * d, 2.2 * d], points.max(0)[:2] + [2.0 * d, 2.9 * d]
     # Wide enough for the panel's heading above it.
     wider = max(0.0, 0.5 * (1.1 * (high[1] - low[1]) - (high[0] - low[0])))
     return low[0] - wider, high[0] + wider, low[1], high[1]
@@ -133,7 +133,7 @@ def _deformation(tension, direction, number):
     for ax, key, (what, state) in zip(axes[0], "abc", pictures, strict=False):
         _draw_loop(ax, state, direction, window)
         _letter_sections(ax, state, direction)
-        letter(ax, f"({key}) {what}\n{state_text(state)}")
+        letter(ax, key, f"{what}\n{state_text(state)}")
 
     start = rest.centreline.values[:, along]
     count = start.size - 1
@@ -160,13 +160,16 @@ def _deformation(tension, direction, number):
         if colour != COLOURS["printed"]:
             ratio = 1.0 + float(tension.strain[step])
             last = from_si((moved - start)[np.argmax(position)], MM)
-            for ax, y in ((axes[1, 0], last), (axes[1, 1], ratio)):
-                ax.annotate(
-                    f"r = {ratio:.2f}" + "\nbeyond\nbreak" * broken, (position.max(), y), (3, 0),
-                    textcoords="offset points", va="top" if broken else "center", fontsize=6.5,
-                    annotation_clip=False,
-                    color=BREAK_COLOUR if broken else colour,
-                )  # fmt: skip
+            said = f"r = {ratio:.2f}" + ", beyond break" * broken
+            look = {"textcoords": "offset points", "fontsize": 6.5,
+                    "color": BREAK_COLOUR if broken else colour}  # fmt: skip
+            axes[1, 0].annotate(
+                said.replace(", ", "\n"), (position.max(), last), (3, 0), va="center", **look
+            )
+            axes[1, 1].annotate(
+                said, (0.5 * (position.min() + position.max()), ratio), (0, 2), ha="center",
+                va="bottom", bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5}, **look,
+            )  # fmt: skip
     for ax in axes[1, :2]:
         ax.set_xlabel(f"position {symbol} - {symbol}$_O$ along the {direction} (mm)")
         ax.set_xlim(right=position.max() + 0.24 * np.ptp(position))
@@ -180,8 +183,8 @@ def _deformation(tension, direction, number):
                         fontweight="bold")  # fmt: skip
     axes[1, 0].set_ylabel(f"displacement {symbol}' - {symbol} (mm)")
     axes[1, 1].set_ylabel(f"local stretch d{symbol}'/d{symbol} (1)")
-    letter(axes[1, 0], "(d) displacement of the sections", y=1.09)
-    letter(axes[1, 1], "(e) stretch between sections", y=1.09)
+    letter(axes[1, 0], "d", "displacement of the sections", y=1.09)
+    letter(axes[1, 1], "e", "stretch between sections", y=1.09)
     ax = axes[1, 2]
     ratio = "OB/OC" if direction == "course" else "h/H"
     for curve, colour, line, text in (
@@ -197,11 +200,10 @@ def _deformation(tension, direction, number):
     ax.axhline(1.0, color=style.GREY, linewidth=0.8, linestyle=":")
     ax.annotate("yarns touch", (0, 1.0), (2, 2), textcoords="offset points", fontsize=6.5)
     ax.set_ylim(0.0, 1.15)
-    handles = dict(zip(*ax.get_legend_handles_labels()[::-1], strict=True)) | break_handle(tension)
-    fig.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=2)
     _strain_axis(ax, direction)
     ax.set_ylabel("closest centre lines (diameters)")
-    letter(ax, "(f) do the yarns overlap?", y=1.09)
+    letter(ax, "f", "do the yarns overlap?", y=1.09)
+    legend(fig, labelled([ax]) | break_handle(tension, [ax]), ncols=2)
     return fig
 
 
@@ -224,7 +226,7 @@ def _contraction(tension, direction, number, equilibrium):
     )
 
     _draw_section_path(axes[0, 0], rest, pulled, direction)
-    letter(axes[0, 0], f"(a) at rest (pale), at the limit (red)\n{state_text(pulled)}")
+    letter(axes[0, 0], "a", f"at rest (pale), at the limit (red)\n{state_text(pulled)}")
     b = _marked_sections(direction, rest.sizes["point"] - 1)["B"]
 
     ax = axes[0, 1]
@@ -248,24 +250,22 @@ def _contraction(tension, direction, number, equilibrium):
         )  # fmt: skip
         ax.annotate(text, (0, limit), (2, -2), textcoords="offset points", va="top", fontsize=6.5)
     if equilibrium is not None:
-        draw_equilibrium(ax, equilibrium, 1.0 + equilibrium.transverse_strain)
+        draw(ax, equilibrium, 1.0 + equilibrium.transverse_strain, PERCENT)
     ax.set_ylim(0.0, 1.05)
     ax.set_ylabel(f"scale along the {OTHER[direction]} (1)")
-    spacing_axes(ax, direction, tension, equilibrium)
-    letter(ax, "(b) contraction laws and their limits", y=1.2 if equilibrium is None else 1.42)
+    spacing_axis(ax, direction, tension, equilibrium)
+    letter(ax, "b", "contraction laws and their limits", y=1.27)
     for ax, axis, key in ((axes[1, 0], direction, "c"), (axes[1, 1], OTHER[direction], "d")):
         ax.axhline(0.0, color=style.GREY, linewidth=0.6, zorder=0)
         ax.set_ylabel(f"displacement {SYMBOL[axis]}' - {SYMBOL[axis]} (mm)")
-        letter(ax, f"({key}) section B along the {axis}")
+        letter(ax, key, f"section B along the {axis}")
     for ax in axes.flat[1:]:
         _strain_axis(ax, direction)
-    handles = {text: line for ax in (axes[1, 0], axes[0, 1])
-               for line, text in zip(*ax.get_legend_handles_labels(), strict=True)}  # fmt: skip
-    handles |= break_handle(tension)
-    fig.legend(
-        handles.values(), handles.keys(), loc="outside lower center", ncols=3, title_fontsize=7,
-        title="\n".join(starting_texts(tension, equilibrium, direction)),
-    )  # fmt: skip
+    handles = labelled([axes[1, 0], axes[0, 1]]) | break_handle(tension, axes.flat)
+    if equilibrium is not None:
+        handles |= RECOVERY
+    note = "\n".join(starting_texts(tension, equilibrium, direction))
+    legend(fig, handles, ncols=2, note=note)
     return fig
 
 

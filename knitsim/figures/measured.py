@@ -4,16 +4,14 @@ Every function takes the datasets of ``measured/<fabric>/`` by the name of their
 prediction with all parameters as given comes first.
 """
 
-import json
-
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import style
-from knitsim.figures.states import PERCENT, heading, letter
-from knitsim.study.measured_keys import GIVEN
+from knitsim.figures.panels import LETTERS, heading, legend, letter
+from knitsim.figures.states import PERCENT, fabric_name
 from knitsim.units import from_si, label
 
 FORCE = "N_per_mm"
@@ -28,14 +26,18 @@ _POINTS = 3.0  # zorder of measured points, above all lines
 _BAND = 0.18
 ROOM = 1.05  # of the axis above the largest value
 HIGHEST = 4.0  # misfit shown in profiles, over the largest of the fits
-_LETTERS = "abcdefghijklmnopqrstuvwxyz"
 # Units in which values of parameters are written, by their SI unit.
 _SHOWN = {"m": "mm", "N m2": "N_mm2", "N m-3": "N_per_mm3", "N m-1": "N_per_m"}
 
 
 def ordered(datasets):
     """The datasets with the prediction without calibration first, in the order given else."""
-    return {name: datasets[name] for name in sorted(datasets, key=lambda name: name != GIVEN)}
+    return dict(sorted(datasets.items(), key=lambda one: not is_given(one[1])))
+
+
+def is_given(dataset):
+    """Whether it is the prediction with all parameters as given, none calibrated."""
+    return not dataset.sizes.get("parameter", 0)
 
 
 def _looks(datasets, nested=False):
@@ -44,26 +46,23 @@ def _looks(datasets, nested=False):
     nested: each is drawn over the one before and narrower, so that equal curves both show.
     """
     looks, number = {}, 0
-    for place, name in enumerate(datasets):
+    for place, (name, dataset) in enumerate(datasets.items()):
+        given = is_given(dataset)
         looks[name] = {
-            "color": style.BLACK if name == GIVEN else _COLOURS[number % len(_COLOURS)],
-            "linestyle": "-" if name == GIVEN else _LINES[number % len(_LINES)],
+            "color": style.BLACK if given else _COLOURS[number % len(_COLOURS)],
+            "linestyle": "-" if given else _LINES[number % len(_LINES)],
         }
         if nested:
             width = max(WIDEST - NARROWER * place, NARROWEST)
             looks[name] |= {"linewidth": width, "zorder": 2.0 + 0.01 * place}
-        number += name != GIVEN
+        number += not given
     return looks
 
 
-def _fabric(datasets):
-    """Name of the fabric that the datasets are about."""
-    return json.loads(next(iter(datasets.values())).attrs["configuration"])["name"]
-
-
-def title_of(name):
+def title_of(dataset):
     """What a calibration is called in a figure."""
-    return "no calibration: as given" if name == GIVEN else name.replace("_", " ")
+    name = dataset.attrs["calibration"].replace("_", " ")
+    return f"no calibration: {name}" if is_given(dataset) else name
 
 
 def value_text(value, units):
@@ -174,7 +173,7 @@ def fig30_calibration(measured):
     )
     heading(
         fig,
-        f"Fig. 30  Fabric {_fabric(datasets)}, calibrated on measured curves:"
+        f"Fig. 30  Fabric {fabric_name(next(iter(datasets.values())))}, calibrated on measured curves:"
         f" {direction} direction",
     )
     for number, (ax, (name, dataset)) in enumerate(zip(axes.flat, datasets.items(), strict=False)):
@@ -186,14 +185,14 @@ def fig30_calibration(measured):
         ax.xaxis.label.set_visible(lowest)
         ax.xaxis.set_tick_params(labelbottom=lowest)
         ax.yaxis.label.set_visible(number % columns == 0)
-        letter(ax, f"({_LETTERS[number]}) {title_of(name)}")
+        letter(ax, LETTERS[number], title_of(dataset))
         covers = dataset.attrs["band_covers"].split(",")[0]
         handles += [
             Line2D([], [], label="model", **looks[name]),
             Patch(color=looks[name]["color"], alpha=_BAND, label=f"band: {covers}"),
         ]
         ax.legend(handles=handles, loc="upper left", fontsize=6.3)
-        texts = [_parameters_text(dataset)] if name != GIVEN else []
+        texts = [] if is_given(dataset) else [_parameters_text(dataset)]
         for k in curves:
             one = dataset.isel(curve=k)
             role = "fitted" if str(one.curve_role.values) == "fitted" else "not fitted"
@@ -221,7 +220,7 @@ def fig31_prediction(measured):
     first = next(iter(datasets.values()))
     heading(
         fig,
-        f"Fig. 31  Fabric {_fabric(datasets)}, predicted by each choice of parameters: how far they"
+        f"Fig. 31  Fabric {fabric_name(next(iter(datasets.values())))}, predicted by each choice of parameters: how far they"
         " lie apart",
     )
     shown = {}
@@ -236,23 +235,20 @@ def fig31_prediction(measured):
             n for n, d in datasets.items()
             if (d.curve_role.values[_curves_of(d, direction)] == "fitted").any()
         ]  # fmt: skip
-        letter(ax, f"({_LETTERS[at]}) {direction}: {'fitted' if fitted else 'predicted'}")
+        letter(ax, LETTERS[at], f"{direction}: {'fitted' if fitted else 'predicted'}")
         _lateral(row[1], datasets, direction, looks)
-        letter(row[1], f"({_LETTERS[at + 1]}) {direction}: lateral strain")
+        letter(row[1], LETTERS[at + 1], f"{direction}: lateral strain")
         if bent:
             handles += _bending(row[2], datasets, direction, looks)
-            letter(row[2], f"({_LETTERS[at + 2]}) {direction}: bending")
+            letter(row[2], LETTERS[at + 2], f"{direction}: bending")
         shown |= {handle.get_label(): handle for handle in handles}
-    fig.legend(
-        handles=[
-            *(Line2D([], [], label=title_of(name), **looks[name]) for name in datasets),
-            *shown.values(),
-        ],
-        loc="outside lower center", ncols=min(5, len(datasets) + len(shown)), title_fontsize=7,
-        title="Bands: " + "; ".join(
+    handles = {title_of(d): Line2D([], [], **looks[name]) for name, d in datasets.items()} | shown
+    legend(
+        fig, handles, ncols=min(5, len(handles)),
+        note="Bands: " + "; ".join(
             dict.fromkeys(
-                f"{'as given' if name == GIVEN else 'calibrated'}: {d.attrs['band_covers']}"
-                for name, d in datasets.items()
+                f"{'as given' if is_given(d) else 'calibrated'}: {d.attrs['band_covers']}"
+                for d in datasets.values()
             )
         ) + ".  Inputs as given count as known.",
     )  # fmt: skip
@@ -335,7 +331,7 @@ def fig32_misfit_profile(fitted):
     fig, axes = style.figure(height_mm=26.0 + 62.0 * rows, rows=rows, columns=columns, sharey=True)
     heading(
         fig,
-        f"Fig. 32  Fabric {_fabric(datasets)}: misfit along each calibrated"
+        f"Fig. 32  Fabric {fabric_name(next(iter(datasets.values())))}: misfit along each calibrated"
         " parameter, the others fitted again",
     )
     # Far from the fit the misfit may be large, which hides where it is small.
@@ -368,10 +364,12 @@ def fig32_misfit_profile(fitted):
         ax.set_xlabel(f"{parameter.replace('_', ' ')} ({unit})")
         if number % columns == 0:
             ax.set_ylabel("rms misfit (%)")
-        letter(ax, f"({_LETTERS[number]}) {parameter.replace('_', ' ')}")
+        letter(ax, LETTERS[number], parameter.replace("_", " "))
     for ax in axes.flat[len(names) :]:
         ax.set_visible(False)
-    handles = [Line2D([], [], label=title_of(name), marker="D", **looks[name]) for name in datasets]
-    handles.append(Patch(color=style.GREY, alpha=0.2, label="95 % interval"))
-    fig.legend(handles=handles, loc="outside lower center", ncols=min(4, len(handles)))
+    handles = {
+        title_of(d): Line2D([], [], marker="D", **looks[name]) for name, d in datasets.items()
+    }
+    handles["95 % interval"] = Patch(color=style.GREY, alpha=0.2)
+    legend(fig, handles, ncols=min(4, len(handles)))
     return fig

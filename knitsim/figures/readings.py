@@ -1,4 +1,4 @@
-"""What the figures of the tensile test share: its readings, how they look, and fabric in a state."""
+"""What the figures of the kinematic tensile test share: its readings, and fabric in a state."""
 
 import numpy as np
 from matplotlib.colors import to_rgb
@@ -16,21 +16,14 @@ from knitsim.figures.states import (
     readings,
     state_at,
 )
-from knitsim.figures.style import COLOURS, LINES, YARN_COLOURS
+from knitsim.figures.style import COLOURS, YARN_COLOURS
 from knitsim.figures.tubes import fabric_polylines
 from knitsim.units import from_si, to_si
 
 OTHER = {"course": "wale", "wale": "course"}
 BREAK_COLOUR = style.VERMILION
 PRINTED_LINE = (0, (5, 1.5))
-THICK, THIN = 1.4, 0.7
-# Shades of the equilibrium model's colour by friction and whether the width is free to follow.
-EQUILIBRIUM_COLOURS = {
-    (False, True): COLOURS["equilibrium"],
-    (True, True): "#6E2F00",
-    (False, False): "#F5A673",
-    (True, False): "#A8623A",
-}
+BREAK = "break"  # name of the marks where the yarn breaks
 
 
 def reading_label(choices):
@@ -116,43 +109,6 @@ def step_at_share(tension, share):
     return state_at(tension, "strain", share * tension.strain.values.max())
 
 
-def equilibrium_styles(dataset):
-    """{variant: look} of a test in equilibrium: dark with friction, pale if held across.
-
-    Variants that differ in how far they are pulled only share a colour; all but the first are thin.
-    """
-    looks = {}
-    for name, choices in readings(dataset).items():
-        colour = EQUILIBRIUM_COLOURS[choices["friction"], choices["lateral"] == "free"]
-        again = any(look["color"] == colour for look in looks.values())
-        looks[name] = {"color": colour, "linewidth": THIN if again else THICK}
-    return looks
-
-
-def runs(curve):
-    """[(phase, numbers of states)] of one variant: loading and recovery in turn.
-
-    Each begins with the last state of the one before; states that were not reached are left out.
-    """
-    reached = np.flatnonzero(np.isfinite(curve.strain.values))
-    phase, cycle = curve.phase.values[reached], curve.cycle.values[reached]
-    cuts = np.flatnonzero((phase[1:] != phase[:-1]) | (cycle[1:] != cycle[:-1])) + 1
-    found = []
-    for part in np.split(reached, cuts):
-        if part.size:
-            before = found[-1][1][-1:] if found else part[:0]
-            found.append((str(curve.phase.values[part[0]]), np.concatenate([before, part])))
-    return found
-
-
-def with_states(equilibrium):
-    """The test with the variants that reached any state; None without one, or without a test."""
-    if equilibrium is None:
-        return None
-    reached = [name for name in readings(equilibrium) if runs(equilibrium.sel(variant=name))]
-    return equilibrium.sel(variant=reached) if reached else None
-
-
 def starting_spacings(equilibrium, direction):
     """(wale, course) spacing (m) at strain 0, where the test in equilibrium starts.
 
@@ -170,10 +126,10 @@ def starting_spacings(equilibrium, direction):
 def _starts(direction, tension, equilibrium):
     """[(model, colour, (wale, course) spacing (m) at strain 0)] of the models that are shown."""
     stated = tuple(float(tension[f"{name}_spacing"].values.flat[0]) for name in ("wale", "course"))
-    starts = [("kinematic", style.BLACK, stated)]
+    starts = [("kinematic model", style.BLACK, stated)]
     if equilibrium is not None:
         rest = starting_spacings(equilibrium, direction)
-        starts.append(("equilibrium", COLOURS["equilibrium"], rest))
+        starts.append(("equilibrium model", COLOURS["equilibrium"], rest))
     return starts
 
 
@@ -182,71 +138,35 @@ def starting_texts(tension, equilibrium, direction):
     states = ("the stated density", "its own state at rest")
     starts = _starts(direction, tension, equilibrium)
     return [
-        f"Strain 0 of the {model} model: {where}, wales {from_si(wale, MM):.3f} mm, courses"
+        f"Strain 0 of the {model}: {where}, wales {from_si(wale, MM):.3f} mm, courses"
         f" {from_si(course, MM):.3f} mm."
         for (model, _, (wale, course)), where in zip(starts, states, strict=False)
     ]
 
 
-def spacing_axes(ax, direction, tension, equilibrium):
-    """Above the fabric's strain (%) the spacing that is pulled, one axis for either model."""
-    for k, (model, colour, spacings) in enumerate(_starts(direction, tension, equilibrium)):
-        rest = from_si(spacings[0 if direction == "course" else 1], MM)
-        side = ax.secondary_xaxis(
-            1.0 + 0.2 * k,
-            functions=(
-                lambda strain, rest=rest: rest * (1.0 + to_si(strain, PERCENT)),
-                lambda spacing, rest=rest: from_si(spacing / rest - 1.0, PERCENT),
-            ),
-        )
-        side.set_xlabel(
-            f"{OTHER[direction]} spacing of the {model} fabric (mm)", color=colour, fontsize=7
-        )
-        side.tick_params(colors=colour, pad=1)
-        side.spines["top"].set(visible=True, color=colour)
+def spacing_axis(ax, direction, tension, equilibrium):
+    """Above the fabric's strain (%) the spacing that is pulled: in equilibrium, if that is shown."""
+    model, colour, spacings = _starts(direction, tension, equilibrium)[-1]
+    rest = from_si(spacings[0 if direction == "course" else 1], MM)
+    side = ax.secondary_xaxis(
+        1.0,
+        functions=(
+            lambda strain: rest * (1.0 + to_si(strain, PERCENT)),
+            lambda spacing: from_si(spacing / rest - 1.0, PERCENT),
+        ),
+    )
+    side.set_xlabel(f"{OTHER[direction]} spacing, {model} (mm)", color=colour, fontsize=7)
+    side.tick_params(colors=colour, pad=1)
+    side.spines["top"].set(visible=True, color=colour)
 
 
-def draw_equilibrium(ax, dataset, values, *, residual=False):
-    """Values (variant, step) of the equilibrium model against strain, loading and recovery.
-
-    Each variant has its own states; those that were not reached hold no numbers, those beyond the
-    breaking strain are dotted.  residual: mark the strain that is left when the force is gone.
-    """
-    for name, look in equilibrium_styles(dataset).items():
-        curve, y = dataset.sel(variant=name), values.sel(variant=name).values
-        strain = from_si(curve.strain.values, PERCENT)
-        said = f"equilibrium, {name}"
-        for phase, states in runs(curve):
-            x, shown = strain[states], y[states]
-            beyond = curve.status.values[states] == BEYOND_BREAK
-            ax.plot(x, np.where(beyond, np.nan, shown), LINES[phase], label=said, **look)
-            if beyond.any():
-                ax.plot(x, np.where(beyond, shown, np.nan), ":", **look)
-            said = None
-            if residual and phase == "recovery":
-                ax.plot(
-                    x[-1], 0.0, "D", transform=ax.get_xaxis_transform(), markersize=4.5,
-                    markerfacecolor="white", clip_on=False, zorder=5, **look,
-                )  # fmt: skip
-
-
-def residual_handle():
-    """{text: line} for the legend: what is left after recovery."""
-    return {
-        "strain left when the force is gone": Line2D(
-            [], [], color=style.GREY, marker="D", markerfacecolor="white", linestyle="none"
-        )
-    }
-
-
-def break_handle(tension):
-    """{text: line} for the legend: where the yarn breaks."""
+def break_handle(tension, axes):
+    """{text: line} for the legend: where the yarn breaks, if any of the axes shows it."""
+    if not any(line.get_gid() == BREAK for ax in axes for line in ax.lines):
+        return {}
     limit = from_si(breaking_strain(tension), PERCENT)
-    return {
-        f"the yarn breaks ({limit:.3g} %); dotted: beyond": Line2D(
-            [], [], color=BREAK_COLOUR, marker="X", linestyle=":", markersize=5
-        )
-    }
+    line = Line2D([], [], color=BREAK_COLOUR, marker="X", linestyle=":", markersize=5)
+    return {f"the yarn breaks ({limit:.3g} %); dotted: beyond": line}
 
 
 def plot_loading(ax, curve, values, *, label=None, **look):
@@ -262,5 +182,7 @@ def plot_loading(ax, curve, values, *, label=None, **look):
         return None
     ax.plot(strain, np.where(beyond, values, np.nan), color=look["color"], linestyle=":")
     end = strain[beyond][0], values[beyond][0]
-    ax.plot(*end, marker="X", color=BREAK_COLOUR, markersize=5, linestyle="none", zorder=5)
+    ax.plot(
+        *end, marker="X", color=BREAK_COLOUR, markersize=5, linestyle="none", zorder=5, gid=BREAK
+    )
     return end

@@ -6,8 +6,10 @@ import numpy as np
 
 from knitsim.figures import style
 from knitsim.figures.loop import SIDE
+from knitsim.figures.panels import heading, labelled, legend, letter
 from knitsim.figures.readings import fabric_of
-from knitsim.figures.states import MM, fabric_name, first_loop, heading, letter
+from knitsim.figures.solved import SET_COLOURS
+from knitsim.figures.states import MM, fabric_name, first_loop
 from knitsim.figures.tubes import draw_tubes
 from knitsim.units import from_si
 
@@ -53,11 +55,10 @@ def fig15_relaxed_fabric(relaxed, loop):
         title, label = _TITLES[name]
         ax.set_xlabel("loop length l/d (1)")
         ax.set_ylabel(label)
-        letter(ax, f"({key}) {title}")
+        letter(ax, key, title)
     missing = int(np.isnan(relaxed.compared_spacing.values[..., 0]).sum())
-    fig.legend(
-        *axes["kc"].get_legend_handles_labels(), loc="outside lower center", ncols=3, title_fontsize=7,
-        title=None if not missing else
+    legend(
+        fig, labelled([axes["kc"]]), note="" if not missing else
         f"{missing} of {relaxed.compared_spacing[..., 0].size} fabrics found no state at rest; the"
         " reasons are in the result file.",
     )  # fmt: skip
@@ -93,8 +94,8 @@ def _draw_loops(fig, place, relaxed, loop):
             [colours[begin:] for colours in yarns.colours], SIDE,
             window=(-0.5 * deep, 0.5 * deep, -reach[1], reach[1]),
         )  # fmt: skip
-        letter(face, f"({'ab'[k]}) {name}\nw = {w:.3f} mm, c = {c:.3f} mm")
-        letter(side, f"({'cd'[k]}) {name},\nside")
+        letter(face, "ab"[k], f"{name}\nw = {w:.3f} mm, c = {c:.3f} mm")
+        letter(side, "cd"[k], f"{name},\nside")
         side.locator_params(axis="x", nbins=3)
         side.set_xlabel(side.get_xlabel(), fontsize=6.5)
     for ax in axes[1:]:
@@ -105,7 +106,7 @@ def _draw_density(axes, relaxed):
     """Curves over loop length for every set, Munden, Peirce, and the fabric itself."""
     d, own = float(relaxed.diameter), float(relaxed.loop_length)
     lengths = relaxed.compared_loop_length.values
-    shades = [style.COLOURS["equilibrium"], "#6E2F00", "#F5A673", style.YELLOW]
+    shades = [style.COLOURS["equilibrium"], *SET_COLOURS]
     for k, fraction in enumerate(relaxed["set"].values):
         wale, course = relaxed.compared_spacing.sel(set=fraction).values.T
         for name, values in constants(lengths, wale, course, d).items():

@@ -3,7 +3,8 @@
 import numpy as np
 
 from knitsim.figures import style
-from knitsim.figures.states import fabric_name, heading, letter
+from knitsim.figures.panels import heading, labelled, legend, letter
+from knitsim.figures.states import fabric_name
 from knitsim.units import from_si
 
 _GROUPS = {
@@ -46,14 +47,15 @@ def fig33_sensitivity(sensitivity):
                 label=f"{direction}", xerr=np.nan_to_num(noise),
                 error_kw={"linewidth": 0.7, "capsize": 1.5},
             )  # fmt: skip
-            for y, value in zip(place, values, strict=True):
+            for y, value, off in zip(place, values, np.nan_to_num(noise), strict=True):
                 if not np.isfinite(value):
                     shown = "no result"
                 else:
                     shown = f"{value:+.2f}" if abs(value) >= _LEAST_SHOWN else "0"
                 right = not value < 0
+                end = np.nan_to_num(value) + (off if right else -off)
                 ax.annotate(
-                    shown, (np.nan_to_num(value), y), xytext=(6 if right else -6, 0),
+                    shown, (end, y), xytext=(6 if right else -6, 0),
                     textcoords="offset points", ha="left" if right else "right", va="center",
                     fontsize=5.6,
                 )  # fmt: skip
@@ -61,6 +63,6 @@ def fig33_sensitivity(sensitivity):
         ax.margins(x=0.45)
         ax.set_xlabel("% per %")
         ax.set_yticks(at, [name.replace("_", " ") for name in inputs])
-        letter(ax, f"({text}) {title}")
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+        letter(ax, text, title)
+    legend(fig, labelled(axes.flat), ncols=2)
     return fig

@@ -2,7 +2,6 @@
 
 import json
 from pathlib import PurePosixPath
-from textwrap import fill
 
 import numpy as np
 
@@ -100,16 +99,3 @@ def thinned(state):
     points = state.sizes["point"]
     stride = max(1, (points - 1) // SMALL_POINTS)
     return state.isel(point=np.unique([*range(0, points, stride), points - 1]))
-
-
-def letter(ax, text, x=0.0, y=1.02):
-    """A panel's letter and heading, above its left corner."""
-    ax.set_title(text, loc="left", x=x, y=y, pad=0)
-
-
-def heading(fig, text):
-    """The line above a figure that says what it shows, broken where it would run over the page."""
-    title = fig.suptitle(text, fontsize=9)
-    share = 0.98 * fig.bbox.width / title.get_window_extent().width
-    if share < 1.0:
-        title.set_text(fill(text, int(share * len(text)), break_on_hyphens=False))

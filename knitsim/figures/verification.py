@@ -5,7 +5,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
 from knitsim.figures import style
-from knitsim.figures.states import heading, letter
+from knitsim.figures.panels import heading, letter, note
 
 _LEAST = 1e-8  # errors below are round-off and drawn here
 _MARKERS = "os^Dv<>PX"
@@ -46,14 +46,14 @@ def fig17_verification(verification):
         ax.xaxis.set_minor_locator(NullLocator())
         ax.xaxis.set_major_formatter(ScalarFormatter())
         ax.set_xlabel("elements (1)")
-        letter(ax, f"{text}  {group}")
+        letter(ax, text, group)
         ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.14), fontsize=6.3)
     axes[0, 0].set_ylabel("relative error (1)")
-    fig.supxlabel(
+    note(
+        fig,
         "Of each case the quantity with the largest error at the right (of those that show an order)."
-        "  Order: fitted to the errors above the level\nthat more elements cannot lower (stretch of the"
+        "  Order: fitted to the errors above the level that more elements cannot lower (stretch of the"
         f" yarn, compliance of the contact, rounding of the law).  Hollow: below {_LEAST:g}.",
-        fontsize=7,
     )
     return fig
 

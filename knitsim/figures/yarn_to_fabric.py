@@ -4,12 +4,13 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from knitsim.figures import style
+from knitsim.figures.panels import heading, labelled, legend, letter, second_axis
 from knitsim.figures.relaxed import MUNDEN
-from knitsim.figures.states import MM, PERCENT, fabric_name, heading, letter
+from knitsim.figures.states import MM, PERCENT, fabric_name
 from knitsim.figures.style import COLOURS
-from knitsim.units import from_si, to_si
+from knitsim.store.results import DIRECTIONS
+from knitsim.units import from_si
 
-DIRECTIONS = ("course", "wale")
 SWEPT = {
     "loop_length": ("swept_loop_length", "loop length (mm)", MM),
     "diameter": ("swept_diameter", "yarn diameter (mm)", MM),
@@ -34,7 +35,7 @@ def fig21_yarn_to_fabric(rigidity):
     heading(
         fig,
         f"Fig. 21  From yarn to fabric {fabric_name(rigidity)}: bending rigidity over the yarn's, and"
-        " curl",
+        " curl, without friction",
     )
     for column, (swept, (name, label, unit)) in enumerate(SWEPT.items()):
         rows = rigidity.isel(row=np.flatnonzero(rigidity.swept.values == swept))
@@ -49,15 +50,14 @@ def fig21_yarn_to_fabric(rigidity):
         axes[2, column].axhline(0.0, color=style.GREY, linewidth=0.5, zorder=0)
         for ax, key in zip(axes[:, column], ("adg", "beh", "cfi")[column], strict=True):
             ax.set_xlabel(label)
-            letter(ax, f"({key})")
+            letter(ax, key, f"over {label.partition(' (')[0]}")
     for ax, direction in zip(axes[:2, 0], DIRECTIONS, strict=True):
         ax.set_ylabel(f"bent along the {direction}:\nfabric over yarn rigidity (1/mm)")
     for ax in axes[:2].flat:
         ax.set_ylim(bottom=0.0)
     axes[2, 0].set_ylabel("moment that\nholds it flat (mN)")
-    fig.legend(*_legend(rigidity), loc="outside lower center", ncols=3)
-    if rigidity.attrs["not_reached"]:
-        fig.supxlabel("Some fabrics were not reached; the file says why.", fontsize=7)
+    missing = "Some fabrics were not reached; the file says why."
+    legend(fig, _legend(rigidity), note=missing if rigidity.attrs["not_reached"] else "")
     return fig
 
 
@@ -108,7 +108,7 @@ def _legend(rigidity):
             [], [], color=COLOURS["wale"], marker="o", markersize=2.5
         ),
     }
-    return list(handles.values()), list(handles)
+    return handles
 
 
 def fig22_set(rigidity):
@@ -141,21 +141,10 @@ def fig22_set(rigidity):
     axes[0, 3].set_ylabel("shape of the loop w/c (1)")
     axes[0, 0].set_ylim(bottom=0.0)
     axes[0, 1].axhline(0.0, color=style.GREY, linewidth=0.5, zorder=0)
-    axis = axes[0, 0].secondary_yaxis(
-        "right",
-        functions=(
-            lambda rigidity: from_si(to_si(rigidity, "mN_mm"), "gf_cm2_per_cm"),
-            lambda rigidity: from_si(to_si(rigidity, "gf_cm2_per_cm"), "mN_mm"),
-        ),
-    )
-    axis.set_ylabel("B (gf cm2/cm)")
-    titles = ("rigidity", "curl", "density at rest", "loop at rest")
+    second_axis(axes[0, 0], "mN_mm", "gf_cm2_per_cm", "B (gf cm2/cm)")
+    titles = ("rigidity, no friction", "curl", "density at rest", "loop at rest")
     for ax, key, title in zip(axes[0], "abcd", titles, strict=True):
         ax.set_xlabel("set of the yarn (%)")
-        letter(ax, f"({key}) {title}")
-    handles = {}
-    for ax in axes[0]:
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            handles.setdefault(label, handle)
-    fig.legend(handles.values(), handles, loc="outside lower center", ncols=4)
+        letter(ax, key, title)
+    legend(fig, labelled(axes[0]), ncols=4)
     return fig

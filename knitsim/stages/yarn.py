@@ -1,6 +1,7 @@
 """The yarn: its tension law, given or calibrated, its fibres, and the simulated tensile test."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -108,9 +109,14 @@ def _test_dataset(result):
     )
 
 
-def _calibration_variables(calibration, stated):
+NOT_MEASURED = "the curve was computed from stated constants: they are found again, no more"
+
+
+def _calibration_variables(calibration, stated, rebuilt):
     names = list(calibration.estimates)
-    found = calibration.estimates.values()
+    found = list(calibration.estimates.values())
+    if rebuilt:  # a fit to its own constants says nothing of how well they are known
+        found = [replace(e, low=np.nan, high=np.nan, note=NOT_MEASURED) for e in found]
     known = {}
     if stated is not None and calibration.kind == "bilinear":
         slopes = np.diff(stated.tension) / np.diff(stated.strain)
@@ -120,6 +126,7 @@ def _calibration_variables(calibration, stated):
         known = {"k_low": slopes[0], "k_high": slopes[1], "switch_strain": stated.strain[1]}
         known["offset"] = (slopes[1] - slopes[0]) * stated.strain[1]
     data = {
+        "curve_origin": np.int8(rebuilt),
         "curve_tension": ("sample", calibration.force),
         "curve_strain": ("sample", calibration.strain),
         "fitted_tension": ("sample", calibration.fitted),
@@ -196,7 +203,8 @@ def run(yarn):
         "section": np.arange(FIBRE_PATH_SECTIONS),
     }
     if calibration is not None:
-        more, labels = _calibration_variables(calibration, stated_law(yarn))
+        rebuilt = yarn["tension_curve.rebuilt"]
+        more, labels = _calibration_variables(calibration, stated_law(yarn), rebuilt)
         data, coords = data | more, coords | labels
     dataset = xr.Dataset(data, coords)
     if results:
@@ -204,7 +212,7 @@ def run(yarn):
     with timings.measure("effect of the assumptions"):
         dataset = xr.merge([dataset, effect_dataset(yarn, closure(STAGE), headlines)])
     if calibration is not None:
-        dataset.attrs["calibration_statement"] = calibration.statement
+        dataset.attrs["calibration_statement"] = NOT_MEASURED if rebuilt else calibration.statement
         dataset.attrs["calibration_source"] = calibration.source
         dataset.attrs["measured_tests"] = to_json({"tension_curve": calibration.record})
     describe_stage(

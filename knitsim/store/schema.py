@@ -104,6 +104,7 @@ VARIABLES = {
     "fibre_path": Name("m", "fibre centres over successive cross-sections", shape=True),
     "section_edge": Name("1", "numbers of the two fibres that a section spring joins"),
     "section_spacing": Name("m", "distance of successive cross-sections"),
+    "curve_origin": Name(None, "where the yarn's curve comes from", ("measured", "rebuilt")),
     "curve_strain": Name("1", "strain of the yarn's given curve, slack removed"),
     "curve_tension": Name("N", "tension of the yarn's given curve"),
     "fitted_tension": Name("N", "tension of the calibrated law at the strains of the given curve"),
