@@ -137,10 +137,10 @@ def check_layout(fig):
     assert overlapping(fig) == []
     assert cut(fig) == []
     assert without_mark(fig) == []
-    panels = [ax for ax in fig.axes if ax.get_subplotspec() is not None and (ax.lines or ax.images)]
+    panels = [ax for ax in fig.axes if ax.get_subplotspec() is not None and ax.get_ylabel()]
     for ax in panels:
         assert sum(child._orientation == "x" for child in ax.child_axes) <= 1
-    titles = [title for ax in panels for title in (ax.get_title("left"), ax.get_title()) if title]
+    titles = [title for ax in fig.axes for title in (ax.get_title("left"), ax.get_title()) if title]
     letters = sorted(title[:3] for title in titles if title.startswith("("))
     assert letters == [f"({key})" for key in LETTERS[: len(letters)]]
     assert len(panels) == 1 or len(letters) >= 2

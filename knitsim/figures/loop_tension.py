@@ -182,6 +182,7 @@ def _deformation(tension, direction, number):
                         textcoords="offset points", ha="center", fontsize=7,
                         fontweight="bold")  # fmt: skip
     axes[1, 0].set_ylabel(f"displacement {symbol}' - {symbol} (mm)")
+    axes[1, 1].margins(y=0.15)  # room for the letters of the sections
     axes[1, 1].set_ylabel(f"local stretch d{symbol}'/d{symbol} (1)")
     letter(axes[1, 0], "d", "displacement of the sections", y=1.09)
     letter(axes[1, 1], "e", "stretch between sections", y=1.09)

@@ -96,7 +96,7 @@ def _draw_loops(fig, place, relaxed, loop):
         )  # fmt: skip
         letter(face, "ab"[k], f"{name}\nw = {w:.3f} mm, c = {c:.3f} mm")
         letter(side, "cd"[k], f"{name},\nside")
-        side.locator_params(axis="x", nbins=3)
+        side.set_xticks([0.0, float(f"{from_si(0.3 * deep, MM):.1g}")])
         side.set_xlabel(side.get_xlabel(), fontsize=6.5)
     for ax in axes[1:]:
         ax.set_ylabel("")

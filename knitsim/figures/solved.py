@@ -62,7 +62,8 @@ def runs(curve):
     Each begins with the last state of the one before; states that were not reached are left out.
     """
     along = along_of(curve)
-    reached = np.flatnonzero(np.isfinite(curve[along].values))
+    load = curve["moment_per_width" if along == "curvature" else "force_per_width"].values
+    reached = np.flatnonzero(np.isfinite(curve[along].values) & np.isfinite(load))
     phase, cycle = curve.phase.values[reached], curve.cycle.values[reached]
     changes = (phase[1:] != phase[:-1]) | (cycle[1:] != cycle[:-1])
     if along == "curvature":

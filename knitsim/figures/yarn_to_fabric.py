@@ -142,7 +142,7 @@ def fig22_set(rigidity):
     axes[0, 0].set_ylim(bottom=0.0)
     axes[0, 1].axhline(0.0, color=style.GREY, linewidth=0.5, zorder=0)
     second_axis(axes[0, 0], "mN_mm", "gf_cm2_per_cm", "B (gf cm2/cm)")
-    titles = ("rigidity, no friction", "curl", "density at rest", "loop at rest")
+    titles = ("B, no friction", "curl", "density at rest", "loop at rest")
     for ax, key, title in zip(axes[0], "abcd", titles, strict=True):
         ax.set_xlabel("set of the yarn (%)")
         letter(ax, key, title)
