@@ -14,7 +14,7 @@ from matplotlib.quiver import Quiver
 
 from knitsim.figures import loop as figures
 from knitsim.figures import style
-from knitsim.figures.states import one_loop
+from knitsim.figures.stored import one_loop
 from knitsim.figures.tubes import view_of
 from knitsim.stages import loop as stage
 from knitsim.stages.yarn import layout_of

@@ -11,7 +11,7 @@ from knitsim.errors import InputError
 from knitsim.figures import style
 from knitsim.figures.readings import starting_spacings
 from knitsim.figures.solved import condition, looks, runs, with_states
-from knitsim.figures.states import law_source
+from knitsim.figures.stored import law_source
 from knitsim.stages import equilibrium_rest, equilibrium_tension, kinematic_tension
 from knitsim.stages.laws import calibration_of, laws_of
 from knitsim.study.study import load_study

@@ -9,19 +9,8 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from knitsim.figures import style
+from knitsim.figures import panels, solved, stored, style
 from knitsim.figures.bending import bent_piece, draw_pieces, states_of
-from knitsim.figures.panels import (
-    LETTERS,
-    RECOVERY,
-    heading,
-    labelled,
-    legend,
-    letter,
-    second_axis,
-)
-from knitsim.figures.solved import draw, draw_errors, ended, runs
-from knitsim.figures.states import PER_CM, PERCENT, fabric_name, state_at, with_centreline
 from knitsim.figures.style import COLOURS, LINES
 from knitsim.figures.yarn_to_fabric import straight_rigidity
 from knitsim.store.results import DIRECTIONS
@@ -39,10 +28,10 @@ def fig18_equilibrium_bending(bent_course, bent_wale, bending_course=None, bendi
     both = any(test is not None for test in kinematic.values())
     rows = ["moment", "change from flat", *["beside the kinematic model"] * both, "spacings"]
     fig, axes = style.figure(height_mm=52.0 + 44.0 * len(rows), rows=len(rows), columns=2)
-    heading(
+    panels.heading(
         fig,
-        f"Fig. 18  Fabric {fabric_name(bent_course)} in pure bending, equilibrium model: bent along the"
-        " course (left) and the wale",
+        f"Fig. 18  Fabric {stored.fabric_name(bent_course)} in pure bending, equilibrium model: bent along"
+        " the course (left) and the wale",
     )
     for column, (direction, test) in zip(axes.T, tests.items(), strict=True):
         _moments(column[0], test)
@@ -53,18 +42,18 @@ def fig18_equilibrium_bending(bent_course, bent_wale, bending_course=None, bendi
     for k, ax in enumerate(axes.flat):
         ax.set_xlabel("curvature (1/cm)")
         ax.axvline(0.0, color=style.GREY, linewidth=0.5, zorder=0)
-        letter(ax, LETTERS[k], f"{DIRECTIONS[k % 2]}: {rows[k // 2]}")
-    handles = labelled(axes.flat) | {
-        "back to flat": RECOVERY["recovery"],
+        panels.letter(ax, panels.LETTERS[k], f"{DIRECTIONS[k % 2]}: {rows[k // 2]}")
+    handles = panels.labelled(axes.flat) | {
+        "back to flat": panels.RECOVERY["recovery"],
         "estimated numerical error": Patch(color=style.GREY, alpha=0.35, linewidth=0),
         "KES B: slope from 0.5 to 1.5 per cm": Patch(color="#EEEEEE", linewidth=0),
         "KES 2HB: at 1 per cm": Line2D([], [], color=style.GREY, linestyle=":", linewidth=0.8),
     }
-    legend(
+    panels.legend(
         fig, handles, ncols=2,
         note="\n".join([
             "Positive curvature: technical face convex.  The moment at zero curvature holds the fabric"
-            " flat; without it, it curls.", *ended(tests),
+            " flat; without it, it curls.", *solved.ended(tests),
         ]),
     )  # fmt: skip
     return fig
@@ -77,26 +66,26 @@ def _shaped(curve):
 
 
 def _moments(ax, test):
-    draw_errors(ax, test, "moment_per_width", MN, PER_CM)
-    draw(ax, test, from_si(test.moment_per_width, MN), PER_CM)
+    solved.draw_errors(ax, test, "moment_per_width", MN, "per_cm")
+    solved.draw(ax, test, from_si(test.moment_per_width, MN), "per_cm")
     low, high = ax.get_ylim()
     ax.set_ylim(min(low, -0.05 * (high - low)), max(high, 0.05 * (high - low)))
     ax.axhline(0.0, color=style.GREY, linewidth=0.5, zorder=0)
     ax.set_ylabel("moment per width (mN)")
-    second_axis(ax, MN, "gf", KES_MOMENT)
+    panels.second_axis(ax, MN, "gf", KES_MOMENT)
 
 
 def _changes(ax, test, direction):
     """Moments from that of the fabric held flat before bending: the elastic change and the loop."""
     change = from_si(test.moment_per_width - test.moment_per_width.isel(step=0), MN)
-    draw_errors(ax, test, "moment_per_width", MN, PER_CM, change=True)
-    draw(ax, test, change, PER_CM)
+    solved.draw_errors(ax, test, "moment_per_width", MN, "per_cm", change=True)
+    solved.draw(ax, test, change, "per_cm")
     curvature = test.curvature.values
     span = np.array([np.nanmin(curvature), np.nanmax(curvature)])
     yarn = json.loads(test.attrs["configuration"])["yarn"]["values"]["bending_rigidity"]
     straight = yarn * float(straight_rigidity(test.isel(variant=0, step=0), direction))
     ax.plot(
-        from_si(span, PER_CM),
+        from_si(span, "per_cm"),
         from_si(straight * span, MN),
         "k:",
         label="straight yarns: B/c, 2 B/w",
@@ -106,7 +95,7 @@ def _changes(ax, test, direction):
         ax.axvspan(*(side * edge for edge in SLOPE_RANGE), color="#EEEEEE", linewidth=0, zorder=-1)
         ax.axvline(side * HYSTERESIS_AT, color=style.GREY, linewidth=0.8, linestyle=":")
     ax.set_ylabel("change of moment (mN)")
-    second_axis(ax, MN, "gf", KES_MOMENT)
+    panels.second_axis(ax, MN, "gf", KES_MOMENT)
 
 
 def _beside_kinematic(ax, test, kinematic):
@@ -115,24 +104,24 @@ def _beside_kinematic(ax, test, kinematic):
         reference = kinematic.isel(variant=0)
         order = np.argsort(reference.curvature.values, kind="stable")
         ax.plot(
-            from_si(reference.curvature.values, PER_CM)[order],
+            from_si(reference.curvature.values, "per_cm")[order],
             from_si(reference.moment_per_width.values, MN)[order], color=COLOURS["kinematic"],
             label="kinematic model",
         )  # fmt: skip
     first = str(test.variant.values[0])
-    draw(ax, test, from_si(test.moment_per_width, MN), PER_CM, variants=[first])
+    solved.draw(ax, test, from_si(test.moment_per_width, MN), "per_cm", variants=[first])
     ax.set_ylabel("moment per width (mN)")
-    second_axis(ax, MN, "gf", KES_MOMENT)
+    panels.second_axis(ax, MN, "gf", KES_MOMENT)
 
 
 def _spacings(ax, test):
     """Spacings of the reference condition, from those of the fabric held flat."""
     curve = test.isel(variant=0)
-    x = from_si(curve.curvature.values, PER_CM)
+    x = from_si(curve.curvature.values, "per_cm")
     for name in DIRECTIONS:
         spacing = curve[f"{name}_spacing"].values
-        change, label = from_si(spacing / spacing[0] - 1.0, PERCENT), f"{name} spacing"
-        for phase, states in runs(curve):
+        change, label = from_si(spacing / spacing[0] - 1.0, "percent"), f"{name} spacing"
+        for phase, states in solved.runs(curve):
             ax.plot(
                 x[states], change[states], LINES[phase], color=COLOURS[name],
                 label=f"{label}, {curve.variant.item()}",
@@ -147,18 +136,18 @@ def fig19_bent_shapes(bent_course, bent_wale, bending_course=None, bending_wale=
     kinematic = {"course": bending_course, "wale": bending_wale}
     shown = {k: test for k, test in kinematic.items() if test is not None and "centreline" in test}
     fig = style.page(height_mm=95.0 + 42.0 * len(shown))
-    heading(
+    panels.heading(
         fig,
-        f"Fig. 19  Fabric {fabric_name(bent_course)} in pure bending in equilibrium, as Fig. 11, and"
+        f"Fig. 19  Fabric {stored.fabric_name(bent_course)} in pure bending in equilibrium, as Fig. 11, and"
         " both models from the side",
     )
     heights = [1.0, 1.25, *[1.1] * len(shown)]
     rows = list(fig.add_gridspec(len(heights), 1, height_ratios=heights))
-    keys = iter(LETTERS)
+    keys = iter(panels.LETTERS)
     for place, (direction, test) in zip(rows[:2], tests.items(), strict=True):
-        curve = _shaped(with_centreline(test).isel(variant=0))
+        curve = _shaped(stored.with_centreline(test).isel(variant=0))
         back, face = states_of(curve)[:2], states_of(curve)[2:]
-        flat = state_at(curve, "curvature", 0.0)
+        flat = stored.state_at(curve, "curvature", 0.0)
         states = [curve.isel(step=step) for step in (*back, flat, *face)]
         _row(place, direction, states, [f"along {direction}"] * len(states), keys)
     for place, (direction, test) in zip(rows[2:], shown.items(), strict=False):
@@ -183,7 +172,7 @@ def _row(place, direction, states, names, keys, *, side=False):
     for state, name in zip(states, names, strict=True):
         size = {"along": 6, "across": 2} if side else {}
         courses, colours, _, ink = bent_piece(state, direction, **size)
-        curvature = from_si(float(state.curvature), PER_CM)
+        curvature = from_si(float(state.curvature), "per_cm")
         convex = "" if curvature == 0 else f", {'face' if curvature > 0 else 'back'} convex"
         title = f"({next(keys)}) {name}\n{curvature + 0.0:+.3g} per cm{convex}"
         pieces.append((courses, colours, title if curvature else title.replace("+0 ", "0 "), ink))

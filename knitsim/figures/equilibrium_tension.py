@@ -8,30 +8,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import EngFormatter, MaxNLocator
 
-from knitsim.figures import style
-from knitsim.figures.panels import RECOVERY, heading, labelled, legend, letter, note, second_axis
+from knitsim.figures import panels, solved, stored, style
 from knitsim.figures.readings import OTHER, starting_spacings
-from knitsim.figures.solved import (
-    draw,
-    draw_errors,
-    ended,
-    is_recovered,
-    residual_handle,
-    runs,
-    with_states,
-)
-from knitsim.figures.states import (
-    GF_PER_CM,
-    N_PER_MM,
-    PER_CM,
-    PERCENT,
-    courses_of,
-    fabric_name,
-    is_beyond_break,
-    readings,
-    thinned,
-    with_centreline,
-)
 from knitsim.figures.tubes import draw_tubes, fabric_polylines
 from knitsim.units import from_si
 
@@ -49,66 +27,66 @@ def fig16_equilibrium_tension(equilibrium_course, equilibrium_wale):
     """Load and extension with its error, contraction, energies and fabric, in both directions."""
     given = {"course": equilibrium_course, "wale": equilibrium_wale}
     tests = {
-        direction: with_states(test)
-        for direction, test in given.items() if with_states(test) is not None
+        direction: solved.with_states(test)
+        for direction, test in given.items() if solved.with_states(test) is not None
     }  # fmt: skip
     fig = style.page(height_mm=242.0)
-    heading(
+    panels.heading(
         fig,
-        f"Fig. 16  Fabric {fabric_name(equilibrium_course)} under tension in the equilibrium model:"
+        f"Fig. 16  Fabric {stored.fabric_name(equilibrium_course)} under tension in the equilibrium model:"
         " course (above) and wale",
     )
-    if ended(given):
-        note(fig, "\n".join(ended(given)))
+    if solved.ended(given):
+        panels.note(fig, "\n".join(solved.ended(given)))
     if not tests:
         return fig
     curves, energies, fabrics = fig.add_gridspec(3, 1, height_ratios=[2.4, 1.0, 0.75])
     grid = curves.subgridspec(len(tests), 4).subplots(squeeze=False)
     for row, (direction, test), letters in zip(grid, tests.items(), ("abcd", "efgh"), strict=False):
         _curves(row, test, direction, letters)
-    panels = [(d, test, name) for d, test in tests.items() for name in _told_apart(test)]
-    row = energies.subgridspec(1, len(panels)).subplots(squeeze=False)[0]
-    for ax, (direction, test, name), key in zip(row, panels, "ijkl", strict=False):
+    shown = [(d, test, name) for d, test in tests.items() for name in _told_apart(test)]
+    row = energies.subgridspec(1, len(shown)).subplots(squeeze=False)[0]
+    for ax, (direction, test, name), key in zip(row, shown, "ijkl", strict=False):
         curve = test.sel(variant=name)
         _energies(ax, curve)
-        if is_recovered(curve):
+        if solved.is_recovered(curve):
             _say_left_over(ax, curve)
         ax.set_xlabel(f"{direction} strain (%)")
         ax.set_ylabel("energy per loop (J)" if ax is row[0] else "")
-        letter(ax, key, f"energy, {name}")
+        panels.letter(ax, key, f"energy, {name}")
     _fabrics(fig, fabrics, tests)
-    handles = labelled(grid[:, 0]) | RECOVERY | residual_handle()
+    handles = panels.labelled(grid[:, 0]) | panels.RECOVERY | solved.residual_handle()
     handles["estimated numerical error"] = Patch(color=style.GREY, alpha=0.35, linewidth=0)
     handles |= {f"energy: {name}": Patch(color=colour) for name, colour in ENERGY_COLOURS.items()}
     handles["work done, from the energy at rest"] = Line2D([], [], color="black", linestyle=":")
-    legend(fig, handles, ncols=2)
+    panels.legend(fig, handles, ncols=2)
     return fig
 
 
 def _curves(row, test, direction, letters):
     """Load and extension, whole and small forces; contraction; how close the yarns come."""
-    force = from_si(test.force_per_width, N_PER_MM)
+    force = from_si(test.force_per_width, "N_per_mm")
     for ax in row[:2]:
-        draw_errors(ax, test, "force_per_width", N_PER_MM, PERCENT)
-        draw(ax, test, force, PERCENT, residual=ax is row[1])
+        solved.draw_errors(ax, test, "force_per_width", "N_per_mm", "percent")
+        solved.draw(ax, test, force, "percent", residual=ax is row[1])
         ax.set_ylim(bottom=0.0)
     row[0].set_ylabel("force per width (N/mm)")
-    second_axis(row[1], N_PER_MM, GF_PER_CM, "force per width (gf/cm)")
+    panels.second_axis(row[1], "N_per_mm", "gf_per_cm", "force per width (gf/cm)")
     _show_small(row[1], test, force)
-    draw(row[2], test, from_si(test.transverse_strain, PERCENT), PERCENT)
+    solved.draw(row[2], test, from_si(test.transverse_strain, "percent"), "percent")
     row[2].set_ylabel(f"strain along the {OTHER[direction]} (%)")
-    draw(row[3], test, test.min_distance, PERCENT)
+    solved.draw(row[3], test, test.min_distance, "percent")
     row[3].axhline(1.0, color=style.GREY, linewidth=0.8, linestyle=":")
     row[3].set_ylabel("closest centre lines (diameters)")
-    touch = strain_of_touch(with_centreline(test).isel(variant=0))
+    touch = strain_of_touch(stored.with_centreline(test).isel(variant=0))
     titles = ("load", "small loads", "contraction", "closest yarns")
     for ax, key, title in zip(row, letters, titles, strict=True):
         ax.set_xlim(left=0.0)
         ax.set_xlabel(f"{direction} strain (%)")
         ax.locator_params(axis="x", nbins=4)
-        letter(ax, key, title)
+        panels.letter(ax, key, title)
         if touch is not None and ax in row[:2]:
-            x = from_si(touch, PERCENT)
+            x = from_si(touch, "percent")
             ax.axvline(x, color=style.GREY, linewidth=0.8, linestyle=(0, (1, 2)), zorder=0)
             if ax is row[1]:
                 ax.annotate(
@@ -124,9 +102,9 @@ def strain_of_touch(curve):
     between states in proportion.
     """
     diameter, before = float(curve.diameter), None
-    for step in runs(curve)[0][1]:
+    for step in solved.runs(curve)[0][1]:
         state = curve.isel(step=step)
-        courses = np.split(state.centreline.values, courses_of(state))
+        courses = np.split(state.centreline.values, stored.courses_of(state))
         gap = min(_gap(yarn, float(state.wale_spacing), diameter) for yarn in courses) - diameter
         strain = float(state.strain)
         if gap <= 0.0:
@@ -154,18 +132,20 @@ def _gap(loops, wale_spacing, diameter):
 
 def _show_small(ax, test, force):
     """Limit the panel to the strains and loads of the condition that recovers."""
-    recovered = [name for name in readings(test) if is_recovered(test.sel(variant=name))]
+    recovered = [
+        name for name in stored.readings(test) if solved.is_recovered(test.sel(variant=name))
+    ]
     shown = test.sel(variant=recovered[:1]) if recovered else test
     share = 1.15 if recovered else 0.1
     ax.set_ylim(top=share * float(force.sel(variant=shown.variant).max()))
-    ax.set_xlim(0.0, 1.1 * from_si(float(shown.strain.max()), PERCENT))
+    ax.set_xlim(0.0, 1.1 * from_si(float(shown.strain.max()), "percent"))
 
 
 def _say_left_over(ax, curve):
     """What the first recovery leaves of the strain, and its cycle takes of the work."""
-    (_, up), (_, down) = runs(curve)[:2]
-    lost = from_si(float(curve.dissipated[down[-1]] / curve.work[up[-1]]), PERCENT)
-    left = from_si(float(curve.strain[down[-1]]), PERCENT)
+    (_, up), (_, down) = solved.runs(curve)[:2]
+    lost = from_si(float(curve.dissipated[down[-1]] / curve.work[up[-1]]), "percent")
+    left = from_si(float(curve.strain[down[-1]]), "percent")
     ax.annotate(
         f"strain left {left:.1f} %\nwork lost {lost:.0f} %", (0.05, 0.06), xycoords="axes fraction",
         fontsize=7,
@@ -174,16 +154,16 @@ def _say_left_over(ax, curve):
 
 def _told_apart(test):
     """The reference condition, and the first one with friction."""
-    found = readings(test)
+    found = stored.readings(test)
     rough = [name for name, choices in found.items() if choices["friction"]]
     return list(dict.fromkeys([next(iter(found)), *rough[:1]]))
 
 
 def _energies(ax, curve):
     """Energies of a loop stacked over the first loading and recovery; the work as a line."""
-    found = runs(curve)[:2]
+    found = solved.runs(curve)[:2]
     states = np.concatenate([found[0][1], *(part[1:] for _, part in found[1:])])
-    strain = from_si(curve.strain.values[states], PERCENT)
+    strain = from_si(curve.strain.values[states], "percent")
     path = strain[0] + np.append(0.0, np.cumsum(np.abs(np.diff(strain))))
     energy = curve.energy.sel(term=["bend", "contact", "stretch"]).values[states].T
     parts = dict(zip(("bend", "contact", "stretch"), energy, strict=True))
@@ -227,14 +207,14 @@ def _fabrics(fig, place, tests):
     """The reference fabric at thirds of its largest strain, its yarn coloured by curvature."""
     drawn = []
     for direction, test in tests.items():
-        curve = with_centreline(test).isel(variant=0)
-        states = runs(curve)[0][1]
+        curve = stored.with_centreline(test).isel(variant=0)
+        states = solved.runs(curve)[0][1]
         for share in (1, 2, 3):
             asked = curve.strain.values[states[-1]] * share / 3
             step = states[np.argmin(np.abs(curve.strain.values[states] - asked))]
-            drawn.append((direction, thinned(curve.isel(step=step))))
+            drawn.append((direction, stored.thinned(curve.isel(step=step))))
     bent = [np.array([curvature(loop) for loop in state.centreline.values]) for _, state in drawn]
-    scale = Normalize(0.0, from_si(max(values.max() for values in bent), PER_CM))
+    scale = Normalize(0.0, from_si(max(values.max() for values in bent), "per_cm"))
     count = len(drawn)
     *axes, bar = place.subgridspec(1, count + 1, width_ratios=[1.0] * count + [0.08]).subplots()
     direction, test = next(iter(tests.items()))
@@ -245,14 +225,14 @@ def _fabrics(fig, place, tests):
         spacings = np.array([float(state.wale_spacing), float(state.course_spacing)])
         yarns = fabric_polylines(
             state.centreline.values, *spacings, *(2 * np.ceil(reach / spacings).astype(int) + 3),
-            courses=courses_of(state), centred=True,
-            colours=colours(scale(from_si(values, PER_CM)))[..., :3],
+            courses=stored.courses_of(state), centred=True,
+            colours=colours(scale(from_si(values, "per_cm")))[..., :3],
         )  # fmt: skip
         draw_tubes(ax, yarns.polylines, 0.5 * float(state.diameter), yarns.colours, window=window)
-        force = from_si(float(state.force_per_width), N_PER_MM)
-        broken = "\nbeyond break" if is_beyond_break(state) else ""
+        force = from_si(float(state.force_per_width), "N_per_mm")
+        broken = "\nbeyond break" if stored.is_beyond_break(state) else ""
         ax.set_title(
-            f"({key}) {direction} {from_si(float(state.strain), PERCENT):+.0f} %\n{force:.2g} N/mm"
+            f"({key}) {direction} {from_si(float(state.strain), 'percent'):+.0f} %\n{force:.2g} N/mm"
             f"{broken}", fontsize=7,
         )  # fmt: skip
         ax.set_xlabel("course (mm)")

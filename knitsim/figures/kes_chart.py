@@ -13,7 +13,7 @@ from matplotlib.patches import ConnectionPatch
 
 from knitsim.figures import style
 from knitsim.figures.panels import LETTERS, heading, legend
-from knitsim.figures.states import MM, fabric_name
+from knitsim.figures.stored import fabric_name
 from knitsim.figures.style import COLOURS
 from knitsim.units import from_si
 
@@ -92,7 +92,7 @@ def fig20_kes_chart(kes, relaxed):
     found = chosen(kes)
     fig, axes = style.figure(height_mm=152.0, rows=len(ROWS), columns=1)
     axes = axes[:, 0]
-    w, c = (from_si(float(relaxed[f"{name}_spacing"]), MM) for name in ("wale", "course"))
+    w, c = (from_si(float(relaxed[f"{name}_spacing"]), "mm") for name in ("wale", "course"))
     heading(
         fig,
         f"Fig. 20  KES parameters of fabric {fabric_name(kes)} in the equilibrium model (at rest: w"

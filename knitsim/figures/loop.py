@@ -7,9 +7,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.ticker import MaxNLocator
 
-from knitsim.figures import style
-from knitsim.figures.panels import heading, labelled, legend, letter
-from knitsim.figures.states import fabric_name, one_loop
+from knitsim.figures import panels, style
+from knitsim.figures.stored import fabric_name, one_loop
 from knitsim.figures.tubes import View, draw_tubes, fabric_polylines, render_tubes, view_of
 from knitsim.figures.yarn import (
     ALONG,
@@ -65,7 +64,7 @@ def fig03_loop_anchors(loop):
     fig, axes = style.figure(
         height_mm=104.0, rows=1, columns=2, width_ratios=[right - left, 2.0 * reach]
     )
-    heading(fig, f"Fig. 3  Loop of the fabric “{fabric_name(loop)}”: {_size(loop)}")
+    panels.heading(fig, f"Fig. 3  Loop of the fabric “{fabric_name(loop)}”: {_size(loop)}")
     face, side = axes[0]
     _draw_loop(face, loop, "face", (left, right, bottom, top))
     _draw_loop(side, loop, SIDE, (middle - reach, middle + reach, bottom, top))
@@ -82,9 +81,9 @@ def fig03_loop_anchors(loop):
     _mark_face(face, loop, low[1])
     ends, y = _mm([middle - half, middle + half]), _mm(low[1] - 1.0 * d)
     _dimension(side, (ends[0], y), (ends[1], y), f"{ends[1] - ends[0]:.3f}", _mm(low[1]))
-    letter(face, "a", "From the technical face")
-    letter(side, "b", "From the side")
-    legend(fig, labelled([face]))
+    panels.letter(face, "a", "From the technical face")
+    panels.letter(side, "b", "From the side")
+    panels.legend(fig, panels.labelled([face]))
     return fig
 
 
@@ -171,7 +170,7 @@ def fig04_yarn_into_loop(loop):
         height_mm=146.0, rows=3, columns=4, height_ratios=[0.6, 2.6, 1.5],
         width_ratios=[1.2, 1, 1, 1],
     )  # fmt: skip
-    heading(
+    panels.heading(
         fig,
         f"Fig. 4  Yarn laid into the loop of the fabric “{fabric_name(loop)}”: {len(positions)} fibres, "
         + (f"{abs(twist):.0f} turns/m {'Z' if twist > 0 else 'S'}" if twist else "no twist"),
@@ -181,19 +180,19 @@ def fig04_yarn_into_loop(loop):
         straight, list(straight_fibres(positions, twist, length, len(fibres))), radius, colours,
         ALONG, window=(0.0, length, -0.6 * d, 0.6 * d),
     )  # fmt: skip
-    letter(straight, "a", "The straight yarn of one loop, with all its fibres", y=1.1)
+    panels.letter(straight, "a", "The straight yarn of one loop, with all its fibres", y=1.1)
     draw_tubes(axes[1, 0], list(np.swapaxes(fibres, 0, 1)), radius, colours, "face")
-    letter(axes[1, 0], "b", "In the loop")
+    panels.letter(axes[1, 0], "b", "In the loop")
     axes[1, 0].yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
     _draw_discs(axes[1, 1], loop, loop["tangent"].values, style.COLOURS["corrected"])
-    letter(axes[1, 1], "c", "Sections, corrected")
+    panels.letter(axes[1, 1], "c", "Sections, corrected")
     for ax, key, (order, (label, colour, _)) in zip(
         axes[1, 2:], "de", _ORDERS.items(), strict=True
     ):
         _draw_discs(ax, loop, loop["printed_section_axis"].sel(order=order).values, colour)
-        letter(ax, key, f"Printed, {label}")
+        panels.letter(ax, key, f"Printed, {label}")
     _draw_errors(errors, loop)
-    letter(errors, "f", "Angle between the axis of the sections (arrows above) and the yarn")
+    panels.letter(errors, "f", "Angle between the axis of the sections (arrows above) and the yarn")
     return fig
 
 
@@ -316,7 +315,9 @@ def fig05_connected_loops(loop):
     fig, axes = style.figure(
         height_mm=129.0, rows=2, columns=2, height_ratios=[2.0 * tall, high - low]
     )
-    heading(fig, f"Fig. 5  Connected loops of the fabric “{fabric_name(loop)}”: {_size(loop)}")
+    panels.heading(
+        fig, f"Fig. 5  Connected loops of the fabric “{fabric_name(loop)}”: {_size(loop)}"
+    )
     for ax, (view, window), key, title in zip(
         axes.flat, windows.items(), "abcd", titles, strict=True
     ):
@@ -324,7 +325,7 @@ def fig05_connected_loops(loop):
             ax, fabric.polylines, radius, fabric.colours, view, window=window,
             twist=float(loop["twist"]),
         )  # fmt: skip
-        letter(ax, key, f"{title}", y=1.02 if ax in axes[0] else 1.08)
+        panels.letter(ax, key, f"{title}", y=1.02 if ax in axes[0] else 1.08)
     return fig
 
 

@@ -9,9 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from knitsim.figures import style
-from knitsim.figures.panels import LETTERS, heading, legend, letter
-from knitsim.figures.states import PERCENT, fabric_name
+from knitsim.figures import panels, style
+from knitsim.figures.stored import fabric_name
 from knitsim.units import from_si, label
 
 FORCE = "N_per_mm"
@@ -106,11 +105,11 @@ def _measured(ax, dataset, curves):
     handles = []
     for k, number in enumerate(curves):
         one = dataset.isel(curve=number)
-        strain = from_si(one.shifted_strain.values, PERCENT)
+        strain = from_si(one.shifted_strain.values, "percent")
         force = from_si(one.measured_force_per_width.values, FORCE)
         recovery = one.measured_phase.values.astype(bool)
         look = _mark(k)
-        band = [from_si(one[f"shifted_strain_{end}"].values, PERCENT) for end in ("low", "high")]
+        band = [from_si(one[f"shifted_strain_{end}"].values, "percent") for end in ("low", "high")]
         if np.isfinite(band[0]).any():
             ax.errorbar(
                 strain, force, xerr=[strain - band[0], band[1] - strain], color=style.BLACK,
@@ -132,8 +131,8 @@ def _strain_line(ax, dataset, direction, look, fill=True):
     """Predicted force against strain with its band."""
     one = dataset.sel(direction=direction)
     force = from_si(one.predicted_force_per_width.values, FORCE)
-    ax.plot(from_si(one.predicted_strain.values, PERCENT), force, **look)
-    low, high = from_si(one.predicted_strain_band.values.T, PERCENT)
+    ax.plot(from_si(one.predicted_strain.values, "percent"), force, **look)
+    low, high = from_si(one.predicted_strain_band.values.T, "percent")
     if fill:
         ax.fill_betweenx(force, low, high, color=look["color"], alpha=_BAND, linewidth=0)
 
@@ -171,7 +170,7 @@ def fig30_calibration(measured):
     fig, axes = style.figure(
         height_mm=30.0 + 62.0 * rows, rows=rows, columns=columns, sharex=True, sharey=True
     )
-    heading(
+    panels.heading(
         fig,
         f"Fig. 30  Fabric {fabric_name(next(iter(datasets.values())))}, calibrated on measured curves:"
         f" {direction} direction",
@@ -185,7 +184,7 @@ def fig30_calibration(measured):
         ax.xaxis.label.set_visible(lowest)
         ax.xaxis.set_tick_params(labelbottom=lowest)
         ax.yaxis.label.set_visible(number % columns == 0)
-        letter(ax, LETTERS[number], title_of(dataset))
+        panels.letter(ax, panels.LETTERS[number], title_of(dataset))
         covers = dataset.attrs["band_covers"].split(",")[0]
         handles += [
             Line2D([], [], label="model", **looks[name]),
@@ -218,9 +217,9 @@ def fig31_prediction(measured):
     columns = 3 if bent else 2
     fig, axes = style.figure(height_mm=150.0, rows=2, columns=columns)
     first = next(iter(datasets.values()))
-    heading(
+    panels.heading(
         fig,
-        f"Fig. 31  Fabric {fabric_name(next(iter(datasets.values())))}, predicted by each choice of parameters: how far they"
+        f"Fig. 31  Fabric {fabric_name(first)}, predicted by each choice of parameters: how far they"
         " lie apart",
     )
     shown = {}
@@ -235,15 +234,15 @@ def fig31_prediction(measured):
             n for n, d in datasets.items()
             if (d.curve_role.values[_curves_of(d, direction)] == "fitted").any()
         ]  # fmt: skip
-        letter(ax, LETTERS[at], f"{direction}: {'fitted' if fitted else 'predicted'}")
+        panels.letter(ax, panels.LETTERS[at], f"{direction}: {'fitted' if fitted else 'predicted'}")
         _lateral(row[1], datasets, direction, looks)
-        letter(row[1], LETTERS[at + 1], f"{direction}: lateral strain")
+        panels.letter(row[1], panels.LETTERS[at + 1], f"{direction}: lateral strain")
         if bent:
             handles += _bending(row[2], datasets, direction, looks)
-            letter(row[2], LETTERS[at + 2], f"{direction}: bending")
+            panels.letter(row[2], panels.LETTERS[at + 2], f"{direction}: bending")
         shown |= {handle.get_label(): handle for handle in handles}
     handles = {title_of(d): Line2D([], [], **looks[name]) for name, d in datasets.items()} | shown
-    legend(
+    panels.legend(
         fig, handles, ncols=min(5, len(handles)),
         note="Bands: " + "; ".join(
             dict.fromkeys(
@@ -258,17 +257,17 @@ def fig31_prediction(measured):
 def _lateral(ax, datasets, direction, looks):
     for name, dataset in datasets.items():
         one = dataset.sel(direction=direction)
-        strain = from_si(one.predicted_strain.values, PERCENT)
-        across = from_si(one.predicted_transverse_strain.values, PERCENT)
-        low, high = from_si(one.predicted_transverse_strain_band.values.T, PERCENT)
+        strain = from_si(one.predicted_strain.values, "percent")
+        across = from_si(one.predicted_transverse_strain.values, "percent")
+        low, high = from_si(one.predicted_transverse_strain_band.values.T, "percent")
         ax.plot(strain, across, **looks[name])
         ax.fill_between(strain, low, high, color=looks[name]["color"], alpha=_BAND, linewidth=0)
     first = next(iter(datasets.values()))
     for k, number in enumerate(_curves_of(first, direction)):
         one = first.isel(curve=number)
         ax.plot(
-            from_si(one.shifted_strain.values, PERCENT),
-            from_si(one.shifted_transverse_strain.values, PERCENT),
+            from_si(one.shifted_strain.values, "percent"),
+            from_si(one.shifted_transverse_strain.values, "percent"),
             linestyle="none", markerfacecolor="none", **_mark(k),
         )  # fmt: skip
     ax.set_xlabel(_strain_label(first, direction))
@@ -329,7 +328,7 @@ def fig32_misfit_profile(fitted):
     columns = min(3, len(names))
     rows = -(-len(names) // columns)
     fig, axes = style.figure(height_mm=26.0 + 62.0 * rows, rows=rows, columns=columns, sharey=True)
-    heading(
+    panels.heading(
         fig,
         f"Fig. 32  Fabric {fabric_name(next(iter(datasets.values())))}: misfit along each calibrated"
         " parameter, the others fitted again",
@@ -337,7 +336,7 @@ def fig32_misfit_profile(fitted):
     # Far from the fit the misfit may be large, which hides where it is small.
     fits = [float(d.fit_misfit) for d in datasets.values()]
     reached = [*fits, *(np.nanmax(d.profile_misfit.values, initial=0.0) for d in datasets.values())]
-    top = ROOM * from_si(min(HIGHEST * max(fits), max(reached)), PERCENT)
+    top = ROOM * from_si(min(HIGHEST * max(fits), max(reached)), "percent")
     for number, (ax, parameter) in enumerate(zip(axes.flat, names, strict=False)):
         unit = ""
         for name, dataset in datasets.items():
@@ -355,8 +354,8 @@ def fig32_misfit_profile(fitted):
                 )
             )
             look = looks[name]
-            ax.plot(at, from_si(one.profile_misfit.values, PERCENT), marker=".", **look)
-            ax.plot(value, from_si(float(dataset.fit_misfit), PERCENT), "D", color=look["color"])
+            ax.plot(at, from_si(one.profile_misfit.values, "percent"), marker=".", **look)
+            ax.plot(value, from_si(float(dataset.fit_misfit), "percent"), "D", color=look["color"])
             ax.axvspan(low, high, color=look["color"], alpha=0.10, linewidth=0)
         ax.set_ylim(0.0, top)
         ax.grid(True)
@@ -364,12 +363,12 @@ def fig32_misfit_profile(fitted):
         ax.set_xlabel(f"{parameter.replace('_', ' ')} ({unit})")
         if number % columns == 0:
             ax.set_ylabel("rms misfit (%)")
-        letter(ax, LETTERS[number], parameter.replace("_", " "))
+        panels.letter(ax, panels.LETTERS[number], parameter.replace("_", " "))
     for ax in axes.flat[len(names) :]:
         ax.set_visible(False)
     handles = {
         title_of(d): Line2D([], [], marker="D", **looks[name]) for name, d in datasets.items()
     }
     handles["95 % interval"] = Patch(color=style.GREY, alpha=0.2)
-    legend(fig, handles, ncols=min(4, len(handles)))
+    panels.legend(fig, handles, ncols=min(4, len(handles)))
     return fig

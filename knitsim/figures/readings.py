@@ -4,18 +4,7 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 
-from knitsim.figures import style
-from knitsim.figures.states import (
-    BEYOND_BREAK,
-    MM,
-    PERCENT,
-    breaking_strain,
-    courses_of,
-    is_beyond_break,
-    loading,
-    readings,
-    state_at,
-)
+from knitsim.figures import stored, style
 from knitsim.figures.style import COLOURS, YARN_COLOURS
 from knitsim.figures.tubes import fabric_polylines
 from knitsim.units import from_si, to_si
@@ -59,7 +48,7 @@ def _plain(choices):
 
 def reference_and_printed(tension):
     """The reference reading of a test, the first one, as a dataset; the printed one, or None."""
-    found = readings(tension)
+    found = stored.readings(tension)
     printed = next((n for n, c in found.items() if c["positions"] == "printed"), None)
     return (
         tension.sel(variant=next(iter(found))),
@@ -69,7 +58,7 @@ def reference_and_printed(tension):
 
 def contractions(tension):
     """{variant: choices} of the readings that differ in how the loop contracts, and the printed."""
-    return {name: c for name, c in readings(tension).items() if _plain(c)}
+    return {name: c for name, c in stored.readings(tension).items() if _plain(c)}
 
 
 def fabric_of(state, wide, high, colour=None):
@@ -78,7 +67,7 @@ def fabric_of(state, wide, high, colour=None):
     The loop set off is an image of the first of the cell.
     """
     spacing = float(state.wale_spacing), float(state.course_spacing)
-    loops, courses = state.centreline.values, courses_of(state)
+    loops, courses = state.centreline.values, stored.courses_of(state)
     loops = loops[None] if loops.ndim == 2 else loops
     yarns = fabric_polylines(
         loops, *spacing, wide, high, courses=courses, colours=YARN_COLOURS["pale"]
@@ -93,20 +82,20 @@ def fabric_of(state, wide, high, colour=None):
 def state_text(state):
     """Strains of a state in words, and whether the yarn would have broken."""
     text = (
-        f"fabric {from_si(float(state.strain), PERCENT):+.0f} %,"
+        f"fabric {from_si(float(state.strain), 'percent'):+.0f} %,"
         f" yarn {percent_text(float(state.yarn_strain))} %"
     )
-    return text + (" (beyond break)" if is_beyond_break(state) else "")
+    return text + (" (beyond break)" if stored.is_beyond_break(state) else "")
 
 
 def percent_text(strain):
     # No "-0.0": a yarn at rest has rounding errors of either sign.
-    return f"{round(from_si(strain, PERCENT), 1) + 0.0:+.1f}"
+    return f"{round(from_si(strain, 'percent'), 1) + 0.0:+.1f}"
 
 
 def step_at_share(tension, share):
     """Number of the state at that share of the test's largest strain."""
-    return state_at(tension, "strain", share * tension.strain.values.max())
+    return stored.state_at(tension, "strain", share * tension.strain.values.max())
 
 
 def starting_spacings(equilibrium, direction):
@@ -138,8 +127,8 @@ def starting_texts(tension, equilibrium, direction):
     states = ("the stated density", "its own state at rest")
     starts = _starts(direction, tension, equilibrium)
     return [
-        f"Strain 0 of the {model}: {where}, wales {from_si(wale, MM):.3f} mm, courses"
-        f" {from_si(course, MM):.3f} mm."
+        f"Strain 0 of the {model}: {where}, wales {from_si(wale, 'mm'):.3f} mm, courses"
+        f" {from_si(course, 'mm'):.3f} mm."
         for (model, _, (wale, course)), where in zip(starts, states, strict=False)
     ]
 
@@ -147,12 +136,12 @@ def starting_texts(tension, equilibrium, direction):
 def spacing_axis(ax, direction, tension, equilibrium):
     """Above the fabric's strain (%) the spacing that is pulled: in equilibrium, if that is shown."""
     model, colour, spacings = _starts(direction, tension, equilibrium)[-1]
-    rest = from_si(spacings[0 if direction == "course" else 1], MM)
+    rest = from_si(spacings[0 if direction == "course" else 1], "mm")
     side = ax.secondary_xaxis(
         1.0,
         functions=(
-            lambda strain: rest * (1.0 + to_si(strain, PERCENT)),
-            lambda spacing: from_si(spacing / rest - 1.0, PERCENT),
+            lambda strain: rest * (1.0 + to_si(strain, "percent")),
+            lambda spacing: from_si(spacing / rest - 1.0, "percent"),
         ),
     )
     side.set_xlabel(f"{OTHER[direction]} spacing, {model} (mm)", color=colour, fontsize=7)
@@ -164,7 +153,7 @@ def break_handle(tension, axes):
     """{text: line} for the legend: where the yarn breaks, if any of the axes shows it."""
     if not any(line.get_gid() == BREAK for ax in axes for line in ax.lines):
         return {}
-    limit = from_si(breaking_strain(tension), PERCENT)
+    limit = from_si(stored.breaking_strain(tension), "percent")
     line = Line2D([], [], color=BREAK_COLOUR, marker="X", linestyle=":", markersize=5)
     return {f"the yarn breaks ({limit:.3g} %); dotted: beyond": line}
 
@@ -174,9 +163,9 @@ def plot_loading(ax, curve, values, *, label=None, **look):
 
     A cross marks where the yarn breaks; returns its (strain in percent, value), or None.
     """
-    up = loading(curve)
-    strain, values = from_si(curve.strain.values[up], PERCENT), values[up]
-    beyond = curve.status.values[up] == BEYOND_BREAK
+    up = stored.loading(curve)
+    strain, values = from_si(curve.strain.values[up], "percent"), values[up]
+    beyond = curve.status.values[up] == stored.BEYOND_BREAK
     ax.plot(strain, np.where(beyond, np.nan, values), label=label, **look)
     if not beyond.any():
         return None

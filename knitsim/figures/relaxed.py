@@ -4,12 +4,11 @@ and Peirce's.
 
 import numpy as np
 
-from knitsim.figures import style
+from knitsim.figures import panels, style
 from knitsim.figures.loop import SIDE
-from knitsim.figures.panels import heading, labelled, legend, letter
 from knitsim.figures.readings import fabric_of
 from knitsim.figures.solved import SET_COLOURS
-from knitsim.figures.states import MM, fabric_name, first_loop
+from knitsim.figures.stored import fabric_name, first_loop
 from knitsim.figures.tubes import draw_tubes
 from knitsim.units import from_si
 
@@ -43,7 +42,7 @@ def fig15_relaxed_fabric(relaxed, loop):
     """The stated loop and the one at rest, and the relaxed density over loop length and set."""
     fig = style.page(height_mm=142.0)
     above, below = fig.add_gridspec(2, 1, height_ratios=[1.25, 1.0])
-    heading(
+    panels.heading(
         fig,
         f"Fig. 15  Fabric {fabric_name(relaxed)} at rest in the equilibrium model, beside its stated"
         " density, Munden and Peirce",
@@ -55,10 +54,10 @@ def fig15_relaxed_fabric(relaxed, loop):
         title, label = _TITLES[name]
         ax.set_xlabel("loop length l/d (1)")
         ax.set_ylabel(label)
-        letter(ax, key, title)
+        panels.letter(ax, key, title)
     missing = int(np.isnan(relaxed.compared_spacing.values[..., 0]).sum())
-    legend(
-        fig, labelled([axes["kc"]]), note="" if not missing else
+    panels.legend(
+        fig, panels.labelled([axes["kc"]]), note="" if not missing else
         f"{missing} of {relaxed.compared_spacing[..., 0].size} fabrics found no state at rest; the"
         " reasons are in the result file.",
     )  # fmt: skip
@@ -77,7 +76,7 @@ def _draw_loops(fig, place, relaxed, loop):
     )
     axes = place.subgridspec(1, 4, width_ratios=[2 * reach[0], 2 * reach[0], deep, deep]).subplots()
     for k, (name, state) in enumerate(states.items()):
-        w, c = (from_si(float(state[f"{of}_spacing"]), MM) for of in ("wale", "course"))
+        w, c = (from_si(float(state[f"{of}_spacing"]), "mm") for of in ("wale", "course"))
         yarns, shift = fabric_of(state, 7, 7)
         points = first_loop(state)
         centre = shift + 0.5 * (points.min(0) + points.max(0))
@@ -94,9 +93,9 @@ def _draw_loops(fig, place, relaxed, loop):
             [colours[begin:] for colours in yarns.colours], SIDE,
             window=(-0.5 * deep, 0.5 * deep, -reach[1], reach[1]),
         )  # fmt: skip
-        letter(face, "ab"[k], f"{name}\nw = {w:.3f} mm, c = {c:.3f} mm")
-        letter(side, "cd"[k], f"{name},\nside")
-        side.set_xticks([0.0, float(f"{from_si(0.3 * deep, MM):.1g}")])
+        panels.letter(face, "ab"[k], f"{name}\nw = {w:.3f} mm, c = {c:.3f} mm")
+        panels.letter(side, "cd"[k], f"{name},\nside")
+        side.set_xticks([0.0, float(f"{from_si(0.3 * deep, 'mm'):.1g}")])
         side.set_xlabel(side.get_xlabel(), fontsize=6.5)
     for ax in axes[1:]:
         ax.set_ylabel("")

@@ -4,7 +4,7 @@ import numpy as np
 
 from knitsim.figures import style
 from knitsim.figures.panels import heading, labelled, legend, letter
-from knitsim.figures.states import fabric_name
+from knitsim.figures.stored import fabric_name
 from knitsim.units import from_si
 
 _GROUPS = {

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from knitsim.figures import style
-from knitsim.figures.states import BEYOND_BREAK, N_PER_MM, readings
+from knitsim.figures.stored import BEYOND_BREAK, readings
 from knitsim.figures.style import COLOURS, LINES
 from knitsim.store.tensile import absolute_error
 from knitsim.units import from_si
@@ -26,7 +26,7 @@ def condition(name, choices):
     if "lateral" in choices:
         load = choices.get("lateral_load")
         across = (
-            f"under {from_si(load, N_PER_MM):.3g} N/mm" if choices["lateral"] == "loaded" else ""
+            f"under {from_si(load, 'N_per_mm'):.3g} N/mm" if choices["lateral"] == "loaded" else ""
         )
         words.append(f"width {across or choices['lateral']}")
     else:

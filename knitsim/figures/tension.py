@@ -2,54 +2,7 @@
 
 import numpy as np
 
-from knitsim.figures import style
-from knitsim.figures.panels import (
-    LETTERS,
-    RECOVERY,
-    heading,
-    labelled,
-    legend,
-    letter,
-    note,
-    second_axis,
-)
-from knitsim.figures.readings import (
-    BREAK_COLOUR,
-    break_handle,
-    contractions,
-    fabric_of,
-    percent_text,
-    plot_loading,
-    reading_label,
-    reading_style,
-    reference_and_printed,
-    spacing_axis,
-    starting_texts,
-    step_at_share,
-)
-from knitsim.figures.solved import (
-    draw,
-    ended,
-    is_recovered,
-    residual_handle,
-    runs,
-    with_states,
-)
-from knitsim.figures.states import (
-    BEYOND_BREAK,
-    GF_PER_CM,
-    N_PER_MM,
-    PERCENT,
-    breaking_strain,
-    fabric_name,
-    first_loop,
-    is_beyond_break,
-    law_source,
-    loading,
-    readings,
-    thinned,
-    with_centreline,
-)
+from knitsim.figures import panels, readings, solved, stored, style
 from knitsim.figures.style import COLOURS, LINES
 from knitsim.figures.tubes import draw_tubes
 from knitsim.units import from_si
@@ -60,7 +13,7 @@ def recovering(test):
 
     With friction rather than without, to a force rather than to a strain; else the reference.
     """
-    found = readings(test)
+    found = stored.readings(test)
 
     def worth(name):
         choices = found[name]
@@ -71,21 +24,24 @@ def recovering(test):
 
 def fig00_load_extension(equilibrium_course, equilibrium_wale):
     """Load against extension in both directions, out and back, to linear scales."""
-    tests = {"course": with_states(equilibrium_course), "wale": with_states(equilibrium_wale)}
+    tests = {
+        "course": solved.with_states(equilibrium_course),
+        "wale": solved.with_states(equilibrium_wale),
+    }
     fig, axes = style.figure(width_mm=130.0, height_mm=92.0)
     ax = axes[0, 0]
-    heading(
+    panels.heading(
         fig,
-        f"Load and extension of the fabric {fabric_name(equilibrium_course)}, equilibrium model",
+        f"Load and extension of the fabric {stored.fabric_name(equilibrium_course)}, equilibrium model",
     )
     handles, words = {}, {"textcoords": "offset points", "fontsize": 7}
     for number, (direction, test) in enumerate(tests.items()):
         if test is None:
             continue
         curve, colour = recovering(test), COLOURS[direction]
-        strain = from_si(curve.strain.values, PERCENT)
-        force = from_si(curve.force_per_width.values, GF_PER_CM)
-        for phase, states in runs(curve):
+        strain = from_si(curve.strain.values, "percent")
+        force = from_si(curve.force_per_width.values, "gf_per_cm")
+        for phase, states in solved.runs(curve):
             [line] = ax.plot(
                 strain[states], force[states], LINES[phase], color=colour, linewidth=1.8
             )
@@ -95,8 +51,8 @@ def fig00_load_extension(equilibrium_course, equilibrium_wale):
             f"{direction}: {strain[top]:.0f} % at {force[top]:.3g} gf/cm", (strain[top], force[top]),
             (0, 3 + 10 * number), ha="right", color=colour, **words,
         )  # fmt: skip
-        if is_recovered(curve):
-            left = strain[runs(curve)[-1][1][-1]]
+        if solved.is_recovered(curve):
+            left = strain[solved.runs(curve)[-1][1][-1]]
             ax.plot(left, 0.0, "D", color=colour, markerfacecolor="white", clip_on=False, zorder=5)
             ax.annotate(
                 f"{left:.1f} % left", (left, 0.0), (4, 5), color=colour, **words,
@@ -106,11 +62,11 @@ def fig00_load_extension(equilibrium_course, equilibrium_wale):
     ax.set_ylim(0.0, 1.12 * ax.get_ylim()[1])
     ax.set_xlabel("extension (%)")
     ax.set_ylabel("load per width (gf/cm)")
-    second_axis(ax, GF_PER_CM, N_PER_MM, "load per width (N/mm)")
+    panels.second_axis(ax, "gf_per_cm", "N_per_mm", "load per width (N/mm)")
     ax.grid(True)
-    if any(test is not None and is_recovered(recovering(test)) for test in tests.values()):
-        handles |= RECOVERY
-    legend(fig, handles, note="\n".join(ended(tests)))
+    if any(test is not None and solved.is_recovered(recovering(test)) for test in tests.values()):
+        handles |= panels.RECOVERY
+    panels.legend(fig, handles, note="\n".join(solved.ended(tests)))
     return fig
 
 
@@ -119,8 +75,8 @@ def fig13_fabric_under_tension(
 ):
     """Fabric at rest and under tension, both directions and models, to one scale."""
     tests = {
-        "course": (tension_course, with_states(equilibrium_course)),
-        "wale": (tension_wale, with_states(equilibrium_wale)),
+        "course": (tension_course, solved.with_states(equilibrium_course)),
+        "wale": (tension_wale, solved.with_states(equilibrium_wale)),
     }
     rows = []
     for direction, (tension, equilibrium) in tests.items():
@@ -132,37 +88,37 @@ def fig13_fabric_under_tension(
         height_mm=20.0 + 45.0 * len(rows), rows=len(rows),
         columns=max(len(row) for _, row in rows), sharex=True, sharey=True,
     )  # fmt: skip
-    heading(
+    panels.heading(
         fig,
-        f"Fig. 13  Fabric {fabric_name(tension_course)} under course tension (above) and wale tension"
+        f"Fig. 13  Fabric {stored.fabric_name(tension_course)} under course tension (above) and wale tension"
         " (below)" + (", kinematic and in equilibrium" if both else ""),
     )
     rest = tension_course.isel(variant=0, step=0)
     reach = 1.6 * float(rest.wale_spacing), 1.95 * float(rest.course_spacing)
     for ax in axes.flat:
         ax.set_axis_off()
-    keys = iter(LETTERS)
+    keys = iter(panels.LETTERS)
     for row_of_axes, (direction, row) in zip(axes, rows, strict=True):
         for ax, (model, state) in zip(row_of_axes, row, strict=False):
             if state is None:
                 continue
             ax.set_axis_on()
-            _draw_piece(ax, thinned(state), reach)
-            broken = is_beyond_break(state)
+            _draw_piece(ax, stored.thinned(state), reach)
+            broken = stored.is_beyond_break(state)
             if broken:
                 for spine in ax.spines.values():
-                    spine.set(visible=True, color=BREAK_COLOUR, linewidth=1.8)
+                    spine.set(visible=True, color=readings.BREAK_COLOUR, linewidth=1.8)
             ax.set_title(
                 f"({next(keys)}) {_piece_text(model, state, direction)}",
-                color=BREAK_COLOUR if broken else "black", fontsize=6.5,
+                color=readings.BREAK_COLOUR if broken else "black", fontsize=6.5,
             )  # fmt: skip
             ax.label_outer()
     for ax in axes[:-1].flat:
         ax.xaxis.set_visible(False)
     for ax in axes[:, 1:].flat:
         ax.yaxis.set_visible(False)
-    limit = from_si(breaking_strain(tension_course), PERCENT)
-    note(
+    limit = from_si(stored.breaking_strain(tension_course), "percent")
+    panels.note(
         fig,
         "All to one scale.  Closest: smallest distance of yarn centre lines, in diameters d.  Framed:"
         f" beyond the yarn's break at {limit:.3g}\u00a0%.\nAs printed, the positions along the pull do"
@@ -175,10 +131,12 @@ def fig13_fabric_under_tension(
 
 def _kinematic_row(tension):
     """[(name, state)] at rest and at thirds of the largest strain; then as printed."""
-    corrected, printed = reference_and_printed(with_centreline(tension))
-    row = [("corrected", corrected.isel(step=step_at_share(tension, k / 3))) for k in range(4)]
+    corrected, printed = readings.reference_and_printed(stored.with_centreline(tension))
+    row = [
+        ("corrected", corrected.isel(step=readings.step_at_share(tension, k / 3))) for k in range(4)
+    ]
     if printed is not None:
-        row.append(("as printed", printed.isel(step=step_at_share(tension, 1.0))))
+        row.append(("as printed", printed.isel(step=readings.step_at_share(tension, 1.0))))
     return row
 
 
@@ -187,26 +145,26 @@ def _equilibrium_row(tension, equilibrium):
 
     A state is None where the reference condition holds none within one of its steps.
     """
-    curve = with_centreline(equilibrium).isel(variant=0)
-    stored = runs(curve)[0][1]
-    strain = curve.strain.values[stored]
+    curve = stored.with_centreline(equilibrium).isel(variant=0)
+    reached = solved.runs(curve)[0][1]
+    strain = curve.strain.values[reached]
     states = []
     for k in range(4):
-        away = np.abs(strain - float(tension.strain[step_at_share(tension, k / 3)]))
+        away = np.abs(strain - float(tension.strain[readings.step_at_share(tension, k / 3)]))
         near = away.min() < np.diff(strain, prepend=0.0).max()
-        states.append(curve.isel(step=stored[np.argmin(away)]) if near else None)
-    states.append(curve.isel(step=stored[-1]))
+        states.append(curve.isel(step=reached[np.argmin(away)]) if near else None)
+    states.append(curve.isel(step=reached[-1]))
     return [("equilibrium", state) for state in states]
 
 
 def _piece_text(model, state, direction):
     """The model, strain and force of a state, the yarn's strain, and how close yarns come."""
-    force = from_si(float(state.force_per_width), N_PER_MM)
+    force = from_si(float(state.force_per_width), "N_per_mm")
     lines = [
-        model + (", beyond break" if is_beyond_break(state) else ""),
-        f"{direction} {from_si(float(state.strain), PERCENT):+.0f} %",
+        model + (", beyond break" if stored.is_beyond_break(state) else ""),
+        f"{direction} {from_si(float(state.strain), 'percent'):+.0f} %",
         f"{'0' if abs(force) < 1e-9 else f'{force:.2g}'} N/mm",
-        f"yarn {percent_text(float(state.yarn_strain))} %",
+        f"yarn {readings.percent_text(float(state.yarn_strain))} %",
         f"closest {float(state.min_distance):.2f} d",
     ]
     return "\n".join(lines)
@@ -219,8 +177,8 @@ def _draw_piece(ax, state, reach):
     wide, high = (
         2 * int(np.ceil(half / step)) + 3 for half, step in zip(reach, (w, c), strict=True)
     )
-    yarns, shift = fabric_of(state, wide, high)
-    points = first_loop(state)
+    yarns, shift = readings.fabric_of(state, wide, high)
+    points = stored.first_loop(state)
     centre = shift + 0.5 * (points.min(0) + points.max(0)) * [1.0, 1.0, 0.0]
     window = (-reach[0], reach[0], -reach[1], reach[1])
     lines = [line - centre for line in yarns.polylines]
@@ -232,16 +190,16 @@ def fig14_fabric_tension(
 ):
     """Force against strain: both models, the small forces, and the paper's readings of yarn tension."""
     tests = {
-        "course": (tension_course, with_states(equilibrium_course)),
-        "wale": (tension_wale, with_states(equilibrium_wale)),
+        "course": (tension_course, solved.with_states(equilibrium_course)),
+        "wale": (tension_wale, solved.with_states(equilibrium_wale)),
     }
     both = any(equilibrium is not None for _, equilibrium in tests.values())
     fabric = [t for t, _ in tests.values() if _by_strain(t, "fabric")]
     rows = ["force"] + ["small"] * both + ["yarn"] + ["fabric"] * bool(fabric)
     fig, axes = style.figure(height_mm=60.0 + 47.0 * len(rows), rows=len(rows), columns=2)
-    heading(
+    panels.heading(
         fig,
-        f"Fig. 14  The fabric {fabric_name(tension_course)} pulled along course and wale:"
+        f"Fig. 14  The fabric {stored.fabric_name(tension_course)} pulled along course and wale:"
         f" {'both models, and ' if both else ''}the paper's readings",
     )
     for column, (direction, (tension, equilibrium)) in enumerate(tests.items()):
@@ -250,15 +208,18 @@ def fig14_fabric_tension(
             title = _DRAW[what](ax, direction, tension, equilibrium)
             # Above the second axis, if there is one.
             y = 1.3 if what == "force" else 1.02
-            letter(ax, LETTERS[2 * row + column], f"{direction}: {title}", y)
+            panels.letter(ax, panels.LETTERS[2 * row + column], f"{direction}: {title}", y)
             ax.set_xlabel(f"{direction} strain (%)")
             ax.axhline(0.0, color=style.GREY, linewidth=0.5, zorder=0)
-    lines = [law_source(tension_course), *starting_texts(*tests["course"], "course")]
+    lines = [
+        stored.law_source(tension_course),
+        *readings.starting_texts(*tests["course"], "course"),
+    ]
     lines += _viscous(tension_course)
-    handles = labelled(axes.flat) | break_handle(tension_course, axes.flat)
+    handles = panels.labelled(axes.flat) | readings.break_handle(tension_course, axes.flat)
     if both:
-        handles |= RECOVERY | residual_handle()
-    legend(fig, handles, ncols=2, note="\n".join(lines))
+        handles |= panels.RECOVERY | solved.residual_handle()
+    panels.legend(fig, handles, ncols=2, note="\n".join(lines))
     return fig
 
 
@@ -266,7 +227,7 @@ def _by_strain(tension, strain):
     """Readings without F = c v that take the strain of the ``yarn`` or of the ``fabric``."""
     return {
         name: choices
-        for name, choices in readings(tension).items()
+        for name, choices in stored.readings(tension).items()
         if choices["strain"] == strain and not choices["viscous"]
     }
 
@@ -275,38 +236,44 @@ def _kinematic(ax, tension, names, variable, unit):
     """The readings on loading; each thinner than the one before, so that equal ones both show."""
     ends = []
     for k, (name, choices) in enumerate(names.items()):
-        curve, look = tension.sel(variant=name), reading_style(choices)
+        curve, look = tension.sel(variant=name), readings.reading_style(choices)
         look["linewidth"] = max(1.0, 2.6 - 0.5 * k)
         values = from_si(curve[variable].values, unit)
-        ends.append(plot_loading(ax, curve, values, label=reading_label(choices), **look))
+        ends.append(
+            readings.plot_loading(ax, curve, values, label=readings.reading_label(choices), **look)
+        )
     return ends
 
 
 def _force(ax, direction, tension, equilibrium):
     """All forces per width; above them the spacing pulled."""
-    names = contractions(tension)
-    _kinematic(ax, tension, names, "force_per_width", N_PER_MM)
+    names = readings.contractions(tension)
+    _kinematic(ax, tension, names, "force_per_width", "N_per_mm")
     if equilibrium is not None:
-        draw(ax, equilibrium, from_si(equilibrium.force_per_width, N_PER_MM), PERCENT)
+        solved.draw(ax, equilibrium, from_si(equilibrium.force_per_width, "N_per_mm"), "percent")
         _say_gap(ax, tension.sel(variant=next(iter(names))), equilibrium.isel(variant=0))
     ax.set_xlim(left=0.0)
     ax.set_ylabel("force per width (N/mm)")
-    spacing_axis(ax, direction, tension, equilibrium)
+    readings.spacing_axis(ax, direction, tension, equilibrium)
     return "force"
 
 
 def _small(ax, direction, tension, equilibrium):
     """The same up to the forces of the condition that recovers; the kinematic ones leave the panel."""
-    _kinematic(ax, tension, contractions(tension), "force_per_width", N_PER_MM)
+    _kinematic(ax, tension, readings.contractions(tension), "force_per_width", "N_per_mm")
     if equilibrium is not None:
-        draw(
-            ax, equilibrium, from_si(equilibrium.force_per_width, N_PER_MM), PERCENT, residual=True
+        solved.draw(
+            ax,
+            equilibrium,
+            from_si(equilibrium.force_per_width, "N_per_mm"),
+            "percent",
+            residual=True,
         )
         shown = recovering(equilibrium)
-        ax.set_ylim(0.0, 1.15 * from_si(float(shown.force_per_width.max()), N_PER_MM))
-        ax.set_xlim(0.0, 1.25 * from_si(float(shown.strain.max()), PERCENT))
+        ax.set_ylim(0.0, 1.15 * from_si(float(shown.force_per_width.max()), "N_per_mm"))
+        ax.set_xlim(0.0, 1.25 * from_si(float(shown.strain.max()), "percent"))
     ax.set_ylabel("force per width (N/mm)")
-    second_axis(ax, N_PER_MM, GF_PER_CM, "force per width (gf/cm)")
+    panels.second_axis(ax, "N_per_mm", "gf_per_cm", "force per width (gf/cm)")
     return "the small forces"
 
 
@@ -325,7 +292,7 @@ def _fabric(ax, direction, tension, _):
     if not names:
         ax.set_axis_off()
         return "no reading"
-    top = from_si(float(tension.strain.max()), PERCENT)
+    top = from_si(float(tension.strain.max()), "percent")
     if ends and max(ends)[0] < 0.4 * top:
         x, y = 2.5 * np.max(ends, axis=0)
         ax.set(xlim=(0.0, x), ylim=(-0.04 * y, y))
@@ -342,7 +309,9 @@ _DRAW = {"force": _force, "small": _small, "yarn": _yarn, "fabric": _fabric}
 
 def _viscous(tension):
     """What F = c v adds, in words; its force depends on nothing else."""
-    name = next((name for name, choices in readings(tension).items() if choices["viscous"]), None)
+    name = next(
+        (name for name, choices in stored.readings(tension).items() if choices["viscous"]), None
+    )
     if name is None:
         return []
     force = float(tension.friction_force.sel(variant=name).max())
@@ -354,15 +323,15 @@ def _viscous(tension):
 
 def _say_gap(ax, kinematic, equilibrium):
     """How far the models lie apart where the kinematic one, on loading, is about to break."""
-    up = loading(kinematic)
-    step = up[kinematic.status.values[up] != BEYOND_BREAK][-1]
+    up = stored.loading(kinematic)
+    step = up[kinematic.status.values[up] != stored.BEYOND_BREAK][-1]
     strain, high = float(kinematic.strain[step]), float(kinematic.force_per_width[step])
-    states = runs(equilibrium)[0][1]
+    states = solved.runs(equilibrium)[0][1]
     known = equilibrium.strain.values[states]
     if not (high > 0 and known[0] <= strain <= known[-1]):
         return
     low = np.interp(strain, known, equilibrium.force_per_width.values[states])
-    x, high, low = from_si(strain, PERCENT), from_si(high, N_PER_MM), from_si(low, N_PER_MM)
+    x, high, low = from_si(strain, "percent"), from_si(high, "N_per_mm"), from_si(low, "N_per_mm")
     ax.annotate(
         "", (x, low), (x, high),
         arrowprops={"arrowstyle": "<->", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0},

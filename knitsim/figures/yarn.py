@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import style
 from knitsim.figures.panels import heading, letter
-from knitsim.figures.states import fabric_name
+from knitsim.figures.stored import fabric_name
 from knitsim.figures.tubes import View, draw_tubes, view_of
 from knitsim.units import from_si
 

@@ -6,9 +6,8 @@ from pathlib import PurePath
 import numpy as np
 
 from knitsim.errors import InputError
-from knitsim.figures import style
-from knitsim.figures.panels import heading, labelled, letter, note
-from knitsim.figures.states import fabric_name
+from knitsim.figures import panels, style
+from knitsim.figures.stored import fabric_name
 from knitsim.figures.yarn import span
 from knitsim.units import from_si, to_si
 
@@ -32,24 +31,24 @@ def fig12_yarn_tension(yarn):
     variants = [str(name) for name in np.atleast_1d(yarn["variant"].values)]
     tests = {name: yarn.sel(variant=name) for name in variants}
     fig, axes = style.figure(height_mm=112.0, rows=len(variants), columns=2, width_ratios=[1.75, 1])
-    heading(fig, f"Fig. 12  Simulated tensile test of the yarn “{fabric_name(yarn)}”")
+    panels.heading(fig, f"Fig. 12  Simulated tensile test of the yarn “{fabric_name(yarn)}”")
     ax = span(axes[:, 0])
     _draw_tension(ax, yarn, tests)
-    letter(ax, "a", "Tension against strain")
+    panels.letter(ax, "a", "Tension against strain")
     for right, (name, test), key in zip(axes[:, 1], tests.items(), "bc", strict=False):
         _draw_energy(right, test)
-        letter(right, key, f"Energy, {_SAID[name]}")
+        panels.letter(right, key, f"Energy, {_SAID[name]}")
     lowest = min(right.get_ylim()[0] for right in axes[:, 1])
     highest = max(right.get_ylim()[1] for right in axes[:, 1])
     for right in axes[:, 1]:
         right.set_ylim(lowest, highest)
-    handles = labelled(axes[:, 1])
+    handles = panels.labelled(axes[:, 1])
     axes[-1, 1].legend(
         handles.values(), handles, loc="upper center", ncols=2, handlelength=1.5,
         bbox_to_anchor=(0.5, -0.14 * len(variants)),
     )  # fmt: skip
     if "corrected" in tests:
-        note(fig, _share_of_law(yarn, tests["corrected"]))
+        panels.note(fig, _share_of_law(yarn, tests["corrected"]))
     return fig
 
 

@@ -9,9 +9,7 @@ from knitsim.errors import InputError
 from knitsim.store.schema import VARIABLES
 
 BEYOND_BREAK = VARIABLES["status"].flags.index("beyond_breaking_strain")
-MM, PERCENT, PER_CM = "mm", "percent", "per_cm"  # units of the figures' axes
 SMALL_POINTS = 40  # points a loop that look round where a yarn is a few pixels thick
-N_PER_MM, GF_PER_CM = "N_per_mm", "gf_per_cm"
 
 
 def fabric_name(dataset):
