@@ -15,11 +15,11 @@ from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
 from knitsim.figures import bending, equilibrium_tension, tension
+from knitsim.figures.vtk import SIDES
 from knitsim.stages import kinematic_tension, vtk_states
 from knitsim.stages.laws import laws_of
 from knitsim.store.results import labels_of
 from knitsim.store.tensile import stack_variants
-from knitsim.store.vtk import SIDES
 from knitsim.store.writer import describe, to_json, write
 from knitsim.study.study import load_study
 

@@ -8,7 +8,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "knitsim"
 FOUNDATION = ("errors", "units", "files", "provenance", "jit")
 ORDER = (
-    "measured", "yarn", "loop", "store", "kinematic", "equilibrium", "kes", "study", "inference",
+    "store", "measured", "yarn", "loop", "kinematic", "equilibrium", "kes", "study", "inference",
     "verification", "benchmark", "figures", "stages",
 )  # fmt: skip
 # Neither model knows the other, figures know files only, and the readers of files know no model.
@@ -23,6 +23,7 @@ APART = {
         "kinematic",
         "equilibrium",
         "kes",
+        "study",
         "inference",
         "verification",
         "benchmark",

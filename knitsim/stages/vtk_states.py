@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
+from knitsim.figures.vtk import write_series, write_yarns
 from knitsim.loop.repeat import bent_courses, fabric_courses
 from knitsim.store.reader import opened
 from knitsim.store.results import DIRECTIONS
-from knitsim.store.vtk import write_series, write_yarns
 
 LOOPS = 2  # loops each way in a file, more where the repeating cell has more
 MOST_POINTS = 50  # points a loop: files of about 50 kB

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from knitsim.files import replacing
 
+MEDIAN = "median, compiled"  # note of what is timed by itself, not within a job
 # whole_test: whether it is what the paper calls the computing time of a test.
 COLUMNS = (
     "stage", "subject", "direction", "name", "value", "units", "repeats", "whole_test", "note",
@@ -59,7 +60,7 @@ class Timings:
             begin = time.perf_counter()
             result = call()
             seconds.append(time.perf_counter() - begin)
-        self.add(name, statistics.median(seconds), len(seconds), "median, compiled", whole)
+        self.add(name, statistics.median(seconds), len(seconds), MEDIAN, whole)
         return result
 
     def write(self, path):
