@@ -40,7 +40,8 @@ def assumptions(path):
 def timings(path):
     rows = [
         [row["stage"].replace("_", " "), row["subject"], row["direction"], row["name"],
-         f"{1e3 * float(row['value']):.3g} ms", f"{float(row['paper_value']) / 60:.0f} min" if row["paper_value"] else ""]
+         f"{1e3 * float(row['value']):.3g} ms",
+         f"{float(row['paper_value']) / 60:.0f} min" if row["paper_value"] else ""]
         for row in rows_of(path)
         if row["note"] == MEDIAN
     ]  # fmt: skip
