@@ -64,7 +64,7 @@ def test_nothing_is_cut_or_lies_on_text_and_legends_have_their_marks(name, drawn
 @pytest.mark.parametrize("name", FIGURES)
 def test_each_figure_is_titled_and_has_units(name, drawn):
     fig = drawn[name]
-    assert "“small”" in fig._suptitle.get_text()
+    assert "small" in fig._suptitle.get_text()
     for ax in fig.axes:
         if ax.axison:
             assert UNIT.search(ax.get_xlabel())

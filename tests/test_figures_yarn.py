@@ -74,7 +74,7 @@ def test_nothing_is_cut_or_lies_on_text_and_legends_have_their_marks(name, drawn
 @pytest.mark.parametrize("name", FIGURES)
 def test_each_figure_is_titled_and_has_units(name, drawn):
     fig = drawn[name]
-    assert "“polyester”" in fig._suptitle.get_text()
+    assert "polyester" in fig._suptitle.get_text()
     assert unlabelled(fig) == []
     assert "experiment" not in said(fig).lower()
 
@@ -306,6 +306,6 @@ def test_a_yarn_with_a_curve_and_no_law_draws(tmp_path):
     mine = stage.run(load_study(tmp_path).yarns["mine"])[0]
     for name in FIGURES:
         fig = draw(name, {"yarn": mine})
-        assert "“mine”" in fig._suptitle.get_text()
+        assert "mine" in fig._suptitle.get_text()
         assert unlabelled(fig) == []
     assert "Calibrated" in said(fig)

@@ -63,10 +63,9 @@ def fig10_bending_curvature(bending_course, bending_wale):
     tests = {"course": bending_course, "wale": bending_wale}
     fig, axes = style.figure(height_mm=142.0, rows=2, columns=3)
     panels.heading(
-        fig,
-        f"Fig. 10  Curvature along the bent model of one loop, fabric {stored.fabric_name(bending_course)}:"
-        " corrected against printed eqs (6) to (11)",
-    )
+        fig, "curvature along the bent model of one loop, corrected against printed eqs (6) to (11)", 10,
+        bending_course,
+    )  # fmt: skip
     for row, (direction, bending) in zip(axes, tests.items(), strict=True):
         _curvature_row(row, bending, direction)
     handles = [
@@ -150,9 +149,7 @@ def fig11_bending(bending_course, bending_wale):
     tests = {"course": bending_course, "wale": bending_wale}
     fig, axes = style.figure(height_mm=190.0, rows=4, columns=3)
     panels.heading(
-        fig,
-        f"Fig. 11  Fabric {stored.fabric_name(bending_course)} in pure bending, face side and back side,"
-        " along course (above) and wale (below)",
+        fig, "bent along course (above) and wale, to face and back side", 11, bending_course
     )
     keys = iter(panels.LETTERS)
     for k, (direction, bending) in enumerate(tests.items()):

@@ -29,9 +29,7 @@ def fig18_equilibrium_bending(bent_course, bent_wale, bending_course=None, bendi
     rows = ["moment", "change from flat", *["beside the kinematic model"] * both, "spacings"]
     fig, axes = style.figure(height_mm=52.0 + 44.0 * len(rows), rows=len(rows), columns=2)
     panels.heading(
-        fig,
-        f"Fig. 18  Fabric {stored.fabric_name(bent_course)} in pure bending, equilibrium model: bent along"
-        " the course (left) and the wale",
+        fig, "pure bending in equilibrium, along course (left) and wale", 18, bent_course
     )
     for column, (direction, test) in zip(axes.T, tests.items(), strict=True):
         _moments(column[0], test)
@@ -136,11 +134,7 @@ def fig19_bent_shapes(bent_course, bent_wale, bending_course=None, bending_wale=
     kinematic = {"course": bending_course, "wale": bending_wale}
     shown = {k: test for k, test in kinematic.items() if test is not None and "centreline" in test}
     fig = style.page(height_mm=95.0 + 42.0 * len(shown))
-    panels.heading(
-        fig,
-        f"Fig. 19  Fabric {stored.fabric_name(bent_course)} in pure bending in equilibrium, as Fig. 11, and"
-        " both models from the side",
-    )
+    panels.heading(fig, "as Fig. 11 in equilibrium, and both models from the side", 19, bent_course)
     heights = [1.0, 1.25, *[1.1] * len(shown)]
     rows = list(fig.add_gridspec(len(heights), 1, height_ratios=heights))
     keys = iter(panels.LETTERS)

@@ -31,11 +31,7 @@ def fig16_equilibrium_tension(equilibrium_course, equilibrium_wale):
         for direction, test in given.items() if solved.with_states(test) is not None
     }  # fmt: skip
     fig = style.page(height_mm=242.0)
-    panels.heading(
-        fig,
-        f"Fig. 16  Fabric {stored.fabric_name(equilibrium_course)} under tension in the equilibrium model:"
-        " course (above) and wale",
-    )
+    panels.heading(fig, "tension in equilibrium, course (above) and wale", 16, equilibrium_course)
     if solved.ended(given):
         panels.note(fig, "\n".join(solved.ended(given)))
     if not tests:

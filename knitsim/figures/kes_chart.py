@@ -13,7 +13,6 @@ from matplotlib.patches import ConnectionPatch
 
 from knitsim.figures import style
 from knitsim.figures.panels import LETTERS, heading, legend
-from knitsim.figures.stored import fabric_name
 from knitsim.figures.style import COLOURS
 from knitsim.units import from_si
 
@@ -93,11 +92,7 @@ def fig20_kes_chart(kes, relaxed):
     fig, axes = style.figure(height_mm=152.0, rows=len(ROWS), columns=1)
     axes = axes[:, 0]
     w, c = (from_si(float(relaxed[f"{name}_spacing"]), "mm") for name in ("wale", "course"))
-    heading(
-        fig,
-        f"Fig. 20  KES parameters of fabric {fabric_name(kes)} in the equilibrium model (at rest: w"
-        f" {w:.3f} mm, c {c:.3f} mm)",
-    )
+    heading(fig, f"KES parameters in equilibrium (at rest: w {w:.3f} mm, c {c:.3f} mm)", 20, kes)
     places, handles, tested = {}, {}, {str(test) for test in kes.test.values}
     for ax, (test, parameter, name, ends) in zip(axes, ROWS, strict=True):
         shown = _shown(found, test, parameter)

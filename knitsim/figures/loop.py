@@ -8,14 +8,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import panels, style
-from knitsim.figures.stored import fabric_name, one_loop
+from knitsim.figures.stored import one_loop
 from knitsim.figures.tubes import View, draw_tubes, fabric_polylines, render_tubes, view_of
-from knitsim.figures.yarn import (
-    ALONG,
-    fibre_colours,
-    span,
-    straight_fibres,
-)
+from knitsim.figures.yarn import ALONG, fibre_colours, span, straight_fibres, twist_text
 from knitsim.units import INCH, from_si
 
 # The loop from its side with the wales upwards, as in the view of the face.
@@ -64,7 +59,7 @@ def fig03_loop_anchors(loop):
     fig, axes = style.figure(
         height_mm=104.0, rows=1, columns=2, width_ratios=[right - left, 2.0 * reach]
     )
-    panels.heading(fig, f"Fig. 3  Loop of the fabric “{fabric_name(loop)}”: {_size(loop)}")
+    panels.heading(fig, f"its loop, {_size(loop)}", 3, loop)
     face, side = axes[0]
     _draw_loop(face, loop, "face", (left, right, bottom, top))
     _draw_loop(side, loop, SIDE, (middle - reach, middle + reach, bottom, top))
@@ -171,9 +166,7 @@ def fig04_yarn_into_loop(loop):
         width_ratios=[1.2, 1, 1, 1],
     )  # fmt: skip
     panels.heading(
-        fig,
-        f"Fig. 4  Yarn laid into the loop of the fabric “{fabric_name(loop)}”: {len(positions)} fibres, "
-        + (f"{abs(twist):.0f} turns/m {'Z' if twist > 0 else 'S'}" if twist else "no twist"),
+        fig, f"{len(positions)} fibres with {twist_text(twist)} laid into the loop", 4, loop
     )
     straight, errors = span(axes[0]), span(axes[2])
     draw_tubes(
@@ -315,9 +308,7 @@ def fig05_connected_loops(loop):
     fig, axes = style.figure(
         height_mm=129.0, rows=2, columns=2, height_ratios=[2.0 * tall, high - low]
     )
-    panels.heading(
-        fig, f"Fig. 5  Connected loops of the fabric “{fabric_name(loop)}”: {_size(loop)}"
-    )
+    panels.heading(fig, f"connected loops, {_size(loop)}", 5, loop)
     for ax, (view, window), key, title in zip(
         axes.flat, windows.items(), "abcd", titles, strict=True
     ):

@@ -95,10 +95,9 @@ def _deformation(tension, direction, number):
     half = readings.step_at_share(tension, 0.5)
     fig, axes = style.figure(height_mm=128.0, rows=2, columns=3)
     panels.heading(
-        fig,
-        f"Fig. {number}  Sections of the loop under {direction} tension, fabric"
-        f" {stored.fabric_name(tension)}: corrected against printed eq ({4 + along})",
-    )
+        fig, f"sections of the loop under {direction} tension, corrected against printed eq ({4 + along})",
+        number, tension,
+    )  # fmt: skip
     pictures = [("starting state", rest), ("corrected", corrected.isel(step=half))]
     if printed is not None:
         pictures.append(("as printed", printed.isel(step=half)))
@@ -195,11 +194,7 @@ def _contraction(tension, direction, number, equilibrium):
     jam = up[np.argmax(scale <= scale.min() * (1.0 + 1e-9))]
     rest, pulled = corrected.isel(step=0), corrected.isel(step=jam)
     fig, axes = style.figure(height_mm=150.0, rows=2, columns=2)
-    panels.heading(
-        fig,
-        f"Fig. {number}  Contraction of the loop under {direction} tension, fabric"
-        f" {stored.fabric_name(tension)}",
-    )
+    panels.heading(fig, f"contraction of the loop under {direction} tension", number, tension)
 
     _draw_section_path(axes[0, 0], rest, pulled, direction)
     panels.letter(

@@ -10,7 +10,6 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import panels, style
-from knitsim.figures.stored import fabric_name
 from knitsim.units import from_si, label
 
 FORCE = "N_per_mm"
@@ -170,11 +169,8 @@ def fig30_calibration(measured):
     fig, axes = style.figure(
         height_mm=30.0 + 62.0 * rows, rows=rows, columns=columns, sharex=True, sharey=True
     )
-    panels.heading(
-        fig,
-        f"Fig. 30  Fabric {fabric_name(next(iter(datasets.values())))}, calibrated on measured curves:"
-        f" {direction} direction",
-    )
+    first = next(iter(datasets.values()))
+    panels.heading(fig, f"calibrated on measured curves, {direction} direction", 30, first)
     for number, (ax, (name, dataset)) in enumerate(zip(axes.flat, datasets.items(), strict=False)):
         _strain_line(ax, dataset, direction, looks[name])
         curves = _curves_of(dataset, direction)
@@ -217,11 +213,7 @@ def fig31_prediction(measured):
     columns = 3 if bent else 2
     fig, axes = style.figure(height_mm=150.0, rows=2, columns=columns)
     first = next(iter(datasets.values()))
-    panels.heading(
-        fig,
-        f"Fig. 31  Fabric {fabric_name(first)}, predicted by each choice of parameters: how far they"
-        " lie apart",
-    )
+    panels.heading(fig, "predicted by each choice of parameters: how far they lie apart", 31, first)
     shown = {}
     for row, direction in zip(axes, ("course", "wale"), strict=True):
         at = 0 if direction == "course" else columns
@@ -328,10 +320,9 @@ def fig32_misfit_profile(fitted):
     columns = min(3, len(names))
     rows = -(-len(names) // columns)
     fig, axes = style.figure(height_mm=26.0 + 62.0 * rows, rows=rows, columns=columns, sharey=True)
+    first = next(iter(datasets.values()))
     panels.heading(
-        fig,
-        f"Fig. 32  Fabric {fabric_name(next(iter(datasets.values())))}: misfit along each calibrated"
-        " parameter, the others fitted again",
+        fig, "misfit along each calibrated parameter, the others fitted again", 32, first
     )
     # Far from the fit the misfit may be large, which hides where it is small.
     fits = [float(d.fit_misfit) for d in datasets.values()]

@@ -5,6 +5,7 @@ from textwrap import fill
 from matplotlib.lines import Line2D
 
 from knitsim.figures import style
+from knitsim.figures.stored import fabric_name
 from knitsim.units import from_si, to_si
 
 LETTERS = "abcdefghijklmnopqrstuvwxyz"
@@ -12,8 +13,14 @@ PAGE_WIDTH = 132  # characters of small print on the width of a page
 RECOVERY = {"recovery": Line2D([], [], color=style.BLACK, linestyle=style.LINES["recovery"])}
 
 
-def heading(fig, text):
-    """The line above a figure that says what it shows, broken where it would run over the page."""
+def heading(fig, text, number=None, about=None):
+    """The line above a figure that says what it shows, broken where it would run over the page.
+
+    number: of the figure; about: a dataset, whose yarn or fabric is named.
+    """
+    if about is not None:
+        text = f"{'Fabric' if about.attrs['fabric'] else 'Yarn'} {fabric_name(about)}: {text}"
+    text = text if number is None else f"Fig. {number}  {text}"
     title = fig.suptitle(text, fontsize=9)
     share = 0.98 * fig.bbox.width / title.get_window_extent().width
     if share < 1.0:

@@ -8,7 +8,7 @@ from knitsim.figures import panels, style
 from knitsim.figures.loop import SIDE
 from knitsim.figures.readings import fabric_of
 from knitsim.figures.solved import SET_COLOURS
-from knitsim.figures.stored import fabric_name, first_loop
+from knitsim.figures.stored import first_loop
 from knitsim.figures.tubes import draw_tubes
 from knitsim.units import from_si
 
@@ -43,9 +43,7 @@ def fig15_relaxed_fabric(relaxed, loop):
     fig = style.page(height_mm=142.0)
     above, below = fig.add_gridspec(2, 1, height_ratios=[1.25, 1.0])
     panels.heading(
-        fig,
-        f"Fig. 15  Fabric {fabric_name(relaxed)} at rest in the equilibrium model, beside its stated"
-        " density, Munden and Peirce",
+        fig, "at rest in equilibrium, beside its stated density, Munden and Peirce", 15, relaxed
     )
     _draw_loops(fig, above, relaxed, loop)
     axes = dict(zip(_TITLES, below.subgridspec(1, 4).subplots(), strict=True))

@@ -4,7 +4,6 @@ import numpy as np
 
 from knitsim.figures import style
 from knitsim.figures.panels import heading, labelled, legend, letter
-from knitsim.figures.stored import fabric_name
 from knitsim.units import from_si
 
 _GROUPS = {
@@ -29,10 +28,9 @@ def fig33_sensitivity(sensitivity):
     fig, axes = style.figure(height_mm=38.0 + 11.0 * len(inputs), columns=len(groups), sharey=True)
     force = from_si(sensitivity.attrs["force_per_width"], "N_per_mm")
     heading(
-        fig,
-        f"Fig. 33  Fabric {fabric_name(sensitivity)}: per cent of each result for 1 % of each input "
-        f"(strain at {force:.3g} N/mm, first loading)",
-    )
+        fig, f"per cent of each result for 1 % of each input (strain at {force:.3g} N/mm, first loading)",
+        33, sensitivity,
+    )  # fmt: skip
     at = np.arange(len(inputs))
     for ax, text, (title, names) in zip(axes[0], "abcd", groups.items(), strict=False):
         for k, name in enumerate(names):

@@ -30,10 +30,7 @@ def fig00_load_extension(equilibrium_course, equilibrium_wale):
     }
     fig, axes = style.figure(width_mm=130.0, height_mm=92.0)
     ax = axes[0, 0]
-    panels.heading(
-        fig,
-        f"Load and extension of the fabric {stored.fabric_name(equilibrium_course)}, equilibrium model",
-    )
+    panels.heading(fig, "load and extension, equilibrium model", about=equilibrium_course)
     handles, words = {}, {"textcoords": "offset points", "fontsize": 7}
     for number, (direction, test) in enumerate(tests.items()):
         if test is None:
@@ -90,8 +87,9 @@ def fig13_fabric_under_tension(
     )  # fmt: skip
     panels.heading(
         fig,
-        f"Fig. 13  Fabric {stored.fabric_name(tension_course)} under course tension (above) and wale tension"
-        " (below)" + (", kinematic and in equilibrium" if both else ""),
+        "under course tension (above) and wale tension" + ", in both models" * both,
+        13,
+        tension_course,
     )
     rest = tension_course.isel(variant=0, step=0)
     reach = 1.6 * float(rest.wale_spacing), 1.95 * float(rest.course_spacing)
@@ -198,10 +196,9 @@ def fig14_fabric_tension(
     rows = ["force"] + ["small"] * both + ["yarn"] + ["fabric"] * bool(fabric)
     fig, axes = style.figure(height_mm=60.0 + 47.0 * len(rows), rows=len(rows), columns=2)
     panels.heading(
-        fig,
-        f"Fig. 14  The fabric {stored.fabric_name(tension_course)} pulled along course and wale:"
-        f" {'both models, and ' if both else ''}the paper's readings",
-    )
+        fig, f"pulled along course and wale: {'both models, and ' * both}the paper's readings", 14,
+        tension_course,
+    )  # fmt: skip
     for column, (direction, (tension, equilibrium)) in enumerate(tests.items()):
         for row, what in enumerate(rows):
             ax = axes[row, column]

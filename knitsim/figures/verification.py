@@ -23,9 +23,7 @@ def fig17_verification(verification):
     """
     groups = list(dict.fromkeys(verification.case_group.values.tolist()))
     fig, axes = style.figure(height_mm=128.0, columns=len(groups), sharex=True, sharey=True)
-    heading(
-        fig, "Fig. 17  The equilibrium solver against exact answers, on the kernels of the fabric"
-    )
+    heading(fig, "The equilibrium solver against exact answers, on the kernels of the fabric", 17)
     elements = verification.elements.values
     for ax, group, text in zip(axes[0], groups, "abcdefgh", strict=False):
         own = verification.isel(comparison=np.flatnonzero(verification.case_group == group))

@@ -11,7 +11,6 @@ from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import style
 from knitsim.figures.panels import heading, letter
-from knitsim.figures.stored import fabric_name
 from knitsim.figures.tubes import View, draw_tubes, view_of
 from knitsim.units import from_si
 
@@ -54,6 +53,11 @@ def straight_fibres(positions, twist, length, steps):
     )
 
 
+def twist_text(twist):
+    """A twist (1/m) in words."""
+    return f"{abs(twist):.0f} turns/m {'Z' if twist > 0 else 'S'}" if twist else "no twist"
+
+
 def fibre_colours(count, marked=()):
     """RGB (count, 3) of drawn fibres: shades of undyed yarn in turn, some of them set off."""
     pale = np.array(to_rgb(style.YARN_COLOURS["pale"]))
@@ -89,15 +93,11 @@ def fig01_yarn_springs(yarn):
         height_mm=106.0, rows=2, columns=2, height_ratios=[3.6, 1], width_ratios=[1.75, 1]
     )
     dtex = from_si(float(yarn["linear_density"]), "dtex")
-    turns = abs(float(yarn["twist"]))
-    direction = "Z" if float(yarn["twist"]) > 0 else "S"
     heading(
-        fig,
-        f"Fig. 1  The simulated yarn “{fabric_name(yarn)}”: {dtex:g} dtex, "
-        f"{from_si(diameter, 'um'):.1f} µm, {len(positions)} fibres of "
-        f"{from_si(float(yarn['fibre_diameter']), 'um'):.1f} µm, "
-        + (f"{turns:.0f} turns/m {direction}" if turns else "no twist"),
-    )
+        fig, f"{dtex:g} dtex, {from_si(diameter, 'um'):.1f} µm, {len(positions)} fibres of"
+        f" {from_si(float(yarn['fibre_diameter']), 'um'):.1f} µm, {twist_text(float(yarn['twist']))}",
+        1, yarn,
+    )  # fmt: skip
     # Fibres of the side that is seen, so that their springs hide nothing.
     reach = np.linalg.norm(positions, axis=1).max()
     marked = _nearest(positions, _polar(reach, [5.0, 58.0, 102.0, 165.0]))
@@ -235,10 +235,9 @@ def fig02_fibre_sections(yarn):
     turn = np.degrees(2.0 * np.pi * float(yarn["twist"]) * float(yarn["section_spacing"]))
     fig, axes = style.figure(height_mm=112.0, rows=2, columns=2, width_ratios=[1, 1.9])
     heading(
-        fig,
-        f"Fig. 2  Fibres of the yarn “{fabric_name(yarn)}” over {yarn.sizes['section']} successive "
-        f"sections, each turned by {abs(turn):.3g}° against the one before",
-    )
+        fig, f"fibres over {yarn.sizes['section']} successive sections, each turned by {abs(turn):.3g}°", 2,
+        yarn,
+    )  # fmt: skip
     rows = zip(_TWIST_FORMS.items(), "ac", "bd", strict=True)
     for row, ((form, (title, along)), left, right) in enumerate(rows):
         path = yarn["fibre_path"].sel(twist_form=form).values

@@ -31,7 +31,7 @@ def fig12_yarn_tension(yarn):
     variants = [str(name) for name in np.atleast_1d(yarn["variant"].values)]
     tests = {name: yarn.sel(variant=name) for name in variants}
     fig, axes = style.figure(height_mm=112.0, rows=len(variants), columns=2, width_ratios=[1.75, 1])
-    panels.heading(fig, f"Fig. 12  Simulated tensile test of the yarn “{fabric_name(yarn)}”")
+    panels.heading(fig, "simulated tensile test", 12, yarn)
     ax = span(axes[:, 0])
     _draw_tension(ax, yarn, tests)
     panels.letter(ax, "a", "Tension against strain")

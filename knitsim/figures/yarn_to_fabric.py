@@ -5,7 +5,6 @@ from matplotlib.lines import Line2D
 
 from knitsim.figures import panels, style
 from knitsim.figures.relaxed import MUNDEN
-from knitsim.figures.stored import fabric_name
 from knitsim.figures.style import COLOURS
 from knitsim.store.results import DIRECTIONS
 from knitsim.units import from_si
@@ -32,9 +31,7 @@ def fig21_yarn_to_fabric(rigidity):
     """Rigidity of the fabric over its yarn's, and curl, over loop length, diameter and set."""
     fig, axes = style.figure(height_mm=168.0, rows=3, columns=3, sharey="row")
     panels.heading(
-        fig,
-        f"Fig. 21  From yarn to fabric {fabric_name(rigidity)}: bending rigidity over the yarn's, and"
-        " curl, without friction",
+        fig, "its bending rigidity over that of the yarn, and curl, without friction", 21, rigidity
     )
     for column, (swept, (name, label, unit)) in enumerate(SWEPT.items()):
         rows = rigidity.isel(row=np.flatnonzero(rigidity.swept.values == swept))
@@ -115,7 +112,7 @@ def fig22_set(rigidity):
     rows = rigidity.isel(row=np.flatnonzero(rigidity.swept.values == "set"))
     x, length = from_si(rows.swept_set.values, "percent"), rows.swept_loop_length
     fig, axes = style.figure(height_mm=62.0, rows=1, columns=4)
-    panels.heading(fig, f"Fig. 22  Fabric {fabric_name(rigidity)}: what set of the yarn changes")
+    panels.heading(fig, "what set of the yarn changes", 22, rigidity)
     values = {
         "B (mN mm)": from_si(rows.fabric_rigidity, "mN_mm"),
         "holding moment (mN)": from_si(rows.curl_moment, "mN"),
