@@ -126,17 +126,17 @@ def _curvature_row(axes, bending, direction):
         ax.axhline(0.0, color=style.GREY, linewidth=0.5, zorder=0)
         ax.set_xlabel(f"position {symbol} along the {direction} (mm)")
     axes[1].axvline(from_si(length, "mm"), color=style.GREY, linewidth=0.8, linestyle=":")
-    axes[1].annotate("L", (from_si(length, "mm"), 1.0), (0, 2), xycoords=("data", "axes fraction"),
-                     textcoords="offset points", ha="center")  # fmt: skip
+    top = axes[1].get_xaxis_transform()
+    panels.say(
+        axes[1], "L", (from_si(length, "mm"), 1.0), (0, 2), xycoords=top, ha="center", va="bottom"
+    )
     axes[0].set_ylabel("angle of the section (degrees)")
     axes[1].set_ylabel("curvature of the section (1/cm)")
     axes[2].set_xlabel(f"bent position {symbol}' (mm)")
     axes[2].set_ylabel("bent position x' (mm)")
     if forms["printed"] is not None:
-        axes[2].annotate(
-            "printed: all near L", (0.98, 0.97), ha="right", va="top", xycoords="axes fraction",
-            fontsize=6.5,
-        )  # fmt: skip
+        at = {"xycoords": "axes fraction", "ha": "right", "va": "top"}
+        panels.say(axes[2], "printed: all near L", (0.98, 0.97), **at)
     axes[2].set_aspect("equal", adjustable="datalim")
     letters = "abc" if direction == "course" else "def"
     titles = (f"bent along the {direction}: angle", "curvature", "sections from the side")

@@ -85,10 +85,8 @@ def _curves(row, test, direction, letters):
             x = from_si(touch, "percent")
             ax.axvline(x, color=style.GREY, linewidth=0.8, linestyle=(0, (1, 2)), zorder=0)
             if ax is row[1]:
-                ax.annotate(
-                    f"legs touch\nat {x:.0f} %", (x, 0.97), (-3, 0), xycoords=("data", "axes fraction"),
-                    textcoords="offset points", ha="right", va="top", fontsize=6.5,
-                )  # fmt: skip
+                at = {"xycoords": ax.get_xaxis_transform(), "ha": "right", "va": "top"}
+                panels.say(ax, f"legs touch\nat {x:.0f} %", (x, 0.97), (-3, 0), **at)
 
 
 def strain_of_touch(curve):
@@ -142,10 +140,8 @@ def _say_left_over(ax, curve):
     (_, up), (_, down) = solved.runs(curve)[:2]
     lost = from_si(float(curve.dissipated[down[-1]] / curve.work[up[-1]]), "percent")
     left = from_si(float(curve.strain[down[-1]]), "percent")
-    ax.annotate(
-        f"strain left {left:.1f} %\nwork lost {lost:.0f} %", (0.05, 0.06), xycoords="axes fraction",
-        fontsize=7,
-    )  # fmt: skip
+    text = f"strain left {left:.1f} %\nwork lost {lost:.0f} %"
+    panels.say(ax, text, (0.05, 0.06), xycoords="axes fraction", va="bottom")
 
 
 def _told_apart(test):

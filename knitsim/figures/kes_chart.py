@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import ConnectionPatch
 
 from knitsim.figures import style
-from knitsim.figures.panels import LETTERS, heading, legend
+from knitsim.figures.panels import LETTERS, heading, legend, say
 from knitsim.figures.style import COLOURS
 from knitsim.units import from_si
 
@@ -118,8 +118,7 @@ def fig20_kes_chart(kes, relaxed):
                 said.append(f"{direction} {value:.3g}".strip())
                 places.setdefault((test, direction), []).append((ax, value))
         missing = "left out: see tables/kes.csv" if test in tested else "not tested"
-        ax.annotate("\n".join(said) if shown else missing, (1.02, 0.5),
-                    xycoords="axes fraction", va="center", fontsize=7)  # fmt: skip
+        say(ax, "\n".join(said) if shown else missing, (1.02, 0.5), xycoords="axes fraction")
     for (_, direction), points in places.items():
         for (ax, x), (below, y) in pairwise(points):
             fig.add_artist(ConnectionPatch(

@@ -15,7 +15,6 @@ from knitsim.units import INCH, from_si
 
 # The loop from its side with the wales upwards, as in the view of the face.
 SIDE = View((0, 0, 1), (0, 1, 0), (-1, 0, 0), "thickness", "wale direction")
-_DIMENSION = {"arrowstyle": "<->", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
 _PLAIN = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
 
 
@@ -106,10 +105,8 @@ def _draw_loop(ax, loop, view, window):
 
 def _number(ax, place, text, offset):
     ax.plot(*place, "o", color=style.BLUE, markersize=4, zorder=5)
-    ax.annotate(
-        text, place, offset, textcoords="offset points", ha="center", va="center", fontsize=8,
-        color=style.BLUE, fontweight="bold", bbox=_PLAIN, zorder=6,
-    )  # fmt: skip
+    look = {"fontsize": 8, "color": style.BLUE, "fontweight": "bold", "bbox": _PLAIN, "zorder": 6}
+    panels.say(ax, text, place, offset, ha="center", **look)
 
 
 def _dimension(ax, start, end, text, witness, upright=False):
@@ -117,7 +114,7 @@ def _dimension(ax, start, end, text, witness, upright=False):
     for x, y in (start, end):
         line = ([x, witness], [y, y]) if upright else ([x, x], [y, witness])
         ax.plot(*line, color=style.BLACK, linewidth=0.4)
-    ax.annotate("", start, end, arrowprops=_DIMENSION)
+    panels.arrow(ax, start, end)
     middle = 0.5 * (np.asarray(start) + np.asarray(end))
     ax.text(*middle, text, ha="center", va="center", fontsize=7.5, bbox=_PLAIN, zorder=4)
 
@@ -136,11 +133,8 @@ def _mark_face(ax, loop, low):
     k = round(0.7 * len(line))
     along = line[k + 1] - line[k - 1]
     across = 0.5 * d * np.array([-along[1], along[0]]) / np.linalg.norm(along)
-    ax.annotate("", line[k] - across, line[k] + across, arrowprops=_DIMENSION)
-    ax.annotate(
-        f"$d$ = {d:.4f}", line[k] + across, (5, 0), textcoords="offset points", va="center",
-        fontsize=7.5, bbox=_PLAIN,
-    )  # fmt: skip
+    panels.arrow(ax, line[k] - across, line[k] + across)
+    panels.say(ax, f"$d$ = {d:.4f}", line[k] + across, (5, 0), fontsize=7.5, bbox=_PLAIN)
 
 
 # Fig. 4 -----------------------------------------------------------------------------------------
@@ -236,10 +230,7 @@ def _draw_discs(ax, loop, axis, colour):
     ax.plot(*flat.T, color=style.GREY, linewidth=0.8, zorder=1)
     low, high = flat.min(0) - 1.6 * _mm(radius), flat.max(0) + 1.6 * _mm(radius)
     bar = 0.5 if high[0] - low[0] > 1.2 else 0.2
-    ax.plot([low[0], low[0] + bar], [low[1], low[1]], color="black", linewidth=2.0)
-    ax.annotate(
-        f"{bar:g} mm", (low[0] + bar, low[1]), (5, 0), textcoords="offset points", va="center"
-    )
+    panels.scale_bar(ax, low, bar, f"{bar:g} mm")
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1] - 0.05 * (high[1] - low[1]), high[1])
     ax.set_aspect("equal")

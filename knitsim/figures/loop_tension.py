@@ -74,9 +74,8 @@ def _letter_sections(ax, state, direction):
 
 
 def _badge(ax, name, where, offset):
-    ax.annotate(
-        name, where, offset, textcoords="offset points", ha="center",
-        va="center", fontsize=7, fontweight="bold",
+    panels.say(
+        ax, name, where, offset, ha="center", fontweight="bold",
         bbox={"boxstyle": "circle,pad=0.15", "facecolor": "white", "linewidth": 0.5},
         arrowprops={"arrowstyle": "-", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0},
     )  # fmt: skip
@@ -135,15 +134,12 @@ def _deformation(tension, direction, number):
             ratio = 1.0 + float(tension.strain[step])
             last = from_si((moved - start)[np.argmax(position)], "mm")
             said = f"r = {ratio:.2f}" + ", beyond break" * broken
-            look = {"textcoords": "offset points", "fontsize": 6.5,
-                    "color": readings.BREAK_COLOUR if broken else colour}  # fmt: skip
-            axes[1, 0].annotate(
-                said.replace(", ", "\n"), (position.max(), last), (3, 0), va="center", **look
-            )
-            axes[1, 1].annotate(
-                said, (0.5 * (position.min() + position.max()), ratio), (0, 2), ha="center",
-                va="bottom", bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5}, **look,
-            )  # fmt: skip
+            look = {"fontsize": 6.5, "color": readings.BREAK_COLOUR if broken else colour}
+            text = said.replace(", ", "\n")
+            panels.say(axes[1, 0], text, (position.max(), last), (3, 0), **look)
+            middle = 0.5 * (position.min() + position.max())
+            look |= {"ha": "center", "va": "bottom", "bbox": panels.PLAIN}
+            panels.say(axes[1, 1], said, (middle, ratio), (0, 2), **look)
     for ax in axes[1, :2]:
         ax.set_xlabel(f"position {symbol} - {symbol}$_O$ along the {direction} (mm)")
         ax.set_xlim(right=position.max() + 0.24 * np.ptp(position))
@@ -152,9 +148,8 @@ def _deformation(tension, direction, number):
             levels.setdefault(round(position[point], 3), []).append(name)
         for x, names in levels.items():
             ax.axvline(x, color="#CCCCCC", linewidth=0.6, zorder=0)
-            ax.annotate(", ".join(names), (x, 1.0), (0, 1), xycoords=("data", "axes fraction"),
-                        textcoords="offset points", ha="center", fontsize=7,
-                        fontweight="bold")  # fmt: skip
+            look = {"xycoords": ax.get_xaxis_transform(), "ha": "center", "va": "bottom"}
+            panels.say(ax, ", ".join(names), (x, 1.0), (0, 1), fontweight="bold", **look)
     axes[1, 0].set_ylabel(f"displacement {symbol}' - {symbol} (mm)")
     axes[1, 1].margins(y=0.15)  # room for the letters of the sections
     axes[1, 1].set_ylabel(f"local stretch d{symbol}'/d{symbol} (1)")
@@ -173,7 +168,7 @@ def _deformation(tension, direction, number):
                 ax, curve, curve.min_distance.values, color=colour, linestyle=line, label=text
             )
     ax.axhline(1.0, color=style.GREY, linewidth=0.8, linestyle=":")
-    ax.annotate("yarns touch", (0, 1.0), (2, 2), textcoords="offset points", fontsize=6.5)
+    panels.say(ax, "yarns touch", (0, 1.0), (2, 2), fontsize=6.5, va="bottom")
     ax.set_ylim(0.0, 1.15)
     _strain_axis(ax, direction)
     ax.set_ylabel("closest centre lines (diameters)")
@@ -223,7 +218,7 @@ def _contraction(tension, direction, number, equilibrium):
             f"half the {'height' if direction == 'course' else 'wale spacing'}"
             if choices["limit"] == "half" else "one course spacing shorter"
         )  # fmt: skip
-        ax.annotate(text, (0, limit), (2, -2), textcoords="offset points", va="top", fontsize=6.5)
+        panels.say(ax, text, (0, limit), (2, -2), va="top", fontsize=6.5)
     if equilibrium is not None:
         draw(ax, equilibrium, 1.0 + equilibrium.transverse_strain, "percent")
     ax.set_ylim(0.0, 1.05)
@@ -267,10 +262,9 @@ def _draw_section_path(ax, rest, pulled, direction):
         ax.annotate("", end[:2], start[:2], arrowprops={
             "arrowstyle": "-|>,head_width=0.16,head_length=0.3", "linewidth": 1.3,
             "facecolor": "black", "shrinkA": 0, "shrinkB": 0})  # fmt: skip
-        ax.annotate(f"{SYMBOL[axis]}'", 0.5 * (start + end)[:2], texts[axis],
-                    textcoords="offset points", ha="center", va="center", fontsize=8,
-                    fontweight="bold",
-                    path_effects=[withStroke(linewidth=2.0, foreground="white")])  # fmt: skip
+        look = {"fontsize": 8, "fontweight": "bold", "ha": "center"}
+        look["path_effects"] = [withStroke(linewidth=2.0, foreground="white")]
+        panels.say(ax, f"{SYMBOL[axis]}'", 0.5 * (start + end)[:2], texts[axis], **look)
     up = 14.0 if before[1] > after[1] else -14.0
     _badge(ax, "B", before[:2], (-40.0, up))
     _badge(ax, "B'", after[:2], (-40.0, -up))

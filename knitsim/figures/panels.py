@@ -10,6 +10,7 @@ from knitsim.units import from_si, to_si
 
 LETTERS = "abcdefghijklmnopqrstuvwxyz"
 PAGE_WIDTH = 132  # characters of small print on the width of a page
+PLAIN = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}  # box behind text
 RECOVERY = {"recovery": Line2D([], [], color=style.BLACK, linestyle=style.LINES["recovery"])}
 
 
@@ -30,6 +31,25 @@ def heading(fig, text, number=None, about=None):
 def letter(ax, key, text="", y=1.02):
     """A panel's letter and heading, above its left corner."""
     ax.set_title(f"({key}) {text}".rstrip(), loc="left", y=y, pad=0)
+
+
+def say(ax, text, at, offset=(0, 0), **look):
+    """Small text beside a place of the axes; offset in points."""
+    look = {"fontsize": 7, "va": "center"} | look
+    ax.annotate(text, at, offset, textcoords="offset points", **look)
+
+
+def arrow(ax, start, end):
+    """An arrow with two heads, as of a dimension."""
+    look = {"arrowstyle": "<->", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", start, end, arrowprops=look)
+
+
+def scale_bar(ax, at, length, text):
+    """A bar of ``length`` to the right of a place, in units of the axes, and its text behind it."""
+    (x, y), end = at, at[0] + length
+    ax.plot([x, end], [y, y], color="black", linewidth=2.0, solid_capstyle="butt")
+    say(ax, text, (end, y), (5, 0), fontsize=8)
 
 
 def second_axis(ax, own, other, label, side="right", factor=1.0):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from knitsim.figures import style
-from knitsim.figures.panels import heading, labelled, legend, letter
+from knitsim.figures.panels import heading, labelled, legend, letter, say
 from knitsim.units import from_si
 
 _GROUPS = {
@@ -52,11 +52,8 @@ def fig33_sensitivity(sensitivity):
                     shown = f"{value:+.2f}" if abs(value) >= _LEAST_SHOWN else "0"
                 right = not value < 0
                 end = np.nan_to_num(value) + (off if right else -off)
-                ax.annotate(
-                    shown, (end, y), xytext=(6 if right else -6, 0),
-                    textcoords="offset points", ha="left" if right else "right", va="center",
-                    fontsize=5.6,
-                )  # fmt: skip
+                offset, ha = (6 if right else -6, 0), "left" if right else "right"
+                say(ax, shown, (end, y), offset, ha=ha, fontsize=5.6)
         ax.axvline(0.0, color=style.BLACK, linewidth=0.6)
         ax.margins(x=0.45)
         ax.set_xlabel("% per %")

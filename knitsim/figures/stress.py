@@ -5,7 +5,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
 from knitsim.figures import style
-from knitsim.figures.panels import heading, letter
+from knitsim.figures.panels import heading, letter, say
 
 # Drawn in this order, so that what went astray lies on top.
 _OUTCOMES = {
@@ -114,9 +114,7 @@ def _families(ax, rows, families, possible):
             share = 100.0 * own.count(outcome) / max(len(own), 1)
             ax.barh(place, share, left=left, color=colour, height=0.7)
             left += share
-        ax.annotate(
-            f" {len(own)}", (100.0, place), va="center", fontsize=6.5, annotation_clip=False
-        )
+        say(ax, f" {len(own)}", (100.0, place), fontsize=6.5, annotation_clip=False)
     ax.set_yticks(range(len(names)), names)
     ax.set(xlim=(0.0, 100.0), xlabel="share of the cases (%)")
 

@@ -31,7 +31,7 @@ def fig00_load_extension(equilibrium_course, equilibrium_wale):
     fig, axes = style.figure(width_mm=130.0, height_mm=92.0)
     ax = axes[0, 0]
     panels.heading(fig, "load and extension, equilibrium model", about=equilibrium_course)
-    handles, words = {}, {"textcoords": "offset points", "fontsize": 7}
+    handles = {}
     for number, (direction, test) in enumerate(tests.items()):
         if test is None:
             continue
@@ -44,17 +44,13 @@ def fig00_load_extension(equilibrium_course, equilibrium_wale):
             )
             handles.setdefault(f"pulled along the {direction}", line)
         top = int(np.nanargmax(force))
-        ax.annotate(
-            f"{direction}: {strain[top]:.0f} % at {force[top]:.3g} gf/cm", (strain[top], force[top]),
-            (0, 3 + 10 * number), ha="right", color=colour, **words,
-        )  # fmt: skip
+        text = f"{direction}: {strain[top]:.0f} % at {force[top]:.3g} gf/cm"
+        look = {"color": colour, "va": "bottom"}
+        panels.say(ax, text, (strain[top], force[top]), (0, 3 + 10 * number), ha="right", **look)
         if solved.is_recovered(curve):
             left = strain[solved.runs(curve)[-1][1][-1]]
             ax.plot(left, 0.0, "D", color=colour, markerfacecolor="white", clip_on=False, zorder=5)
-            ax.annotate(
-                f"{left:.1f} % left", (left, 0.0), (4, 5), color=colour, **words,
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
-            )  # fmt: skip
+            panels.say(ax, f"{left:.1f} % left", (left, 0.0), (4, 5), bbox=panels.PLAIN, **look)
     ax.set_xlim(left=0.0)
     ax.set_ylim(0.0, 1.12 * ax.get_ylim()[1])
     ax.set_xlabel("extension (%)")
@@ -294,10 +290,8 @@ def _fabric(ax, direction, tension, _):
         x, y = 2.5 * np.max(ends, axis=0)
         ax.set(xlim=(0.0, x), ylim=(-0.04 * y, y))
         largest = max(float(tension.yarn_tension.sel(variant=name).max()) for name in names)
-        ax.annotate(
-            f"to {largest:.3g} N at {top:.3g} %", (0.98, 0.08), xycoords="axes fraction", ha="right",
-            fontsize=7,
-        )  # fmt: skip
+        text = f"to {largest:.3g} N at {top:.3g} %"
+        panels.say(ax, text, (0.98, 0.1), xycoords="axes fraction", ha="right")
     return "the same, by the fabric's strain"
 
 
@@ -329,11 +323,5 @@ def _say_gap(ax, kinematic, equilibrium):
         return
     low = np.interp(strain, known, equilibrium.force_per_width.values[states])
     x, high, low = from_si(strain, "percent"), from_si(high, "N_per_mm"), from_si(low, "N_per_mm")
-    ax.annotate(
-        "", (x, low), (x, high),
-        arrowprops={"arrowstyle": "<->", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0},
-    )  # fmt: skip
-    ax.annotate(
-        f"{high / low:.0f} times", (x, 0.5 * high), (4, 0), textcoords="offset points", va="center",
-        fontsize=7,
-    )  # fmt: skip
+    panels.arrow(ax, (x, low), (x, high))
+    panels.say(ax, f"{high / low:.0f} times", (x, 0.5 * high), (4, 0))

@@ -13,6 +13,7 @@ from matplotlib.colors import to_rgb
 
 from knitsim.errors import InputError
 from knitsim.figures import tubes_kernels as kernels
+from knitsim.figures.panels import scale_bar
 from knitsim.figures.style import DPI, YARN_COLOURS
 from knitsim.loop.frames import line_frames
 from knitsim.loop.repeat import fabric_courses
@@ -349,9 +350,6 @@ def _scale_bar(ax, extent):
     power = 10.0 ** np.floor(np.log10(about))
     length = power * max(step for step in (1, 2, 5) if step * power <= about)
     y = bottom - 0.03 * (top - bottom)
-    ax.plot([left, left + length], [y, y], color="black", linewidth=2.0, solid_capstyle="butt")
-    ax.annotate(
-        f"{length:g} mm", (left + length, y), (5, 0), textcoords="offset points", va="center"
-    )
+    scale_bar(ax, (left, y), length, f"{length:g} mm")
     ax.set_xlim(left, right)
     ax.set_ylim(bottom - 0.06 * (top - bottom), top)

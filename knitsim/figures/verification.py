@@ -5,7 +5,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
 from knitsim.figures import style
-from knitsim.figures.panels import heading, letter, note
+from knitsim.figures.panels import heading, letter, note, say
 
 _LEAST = 1e-8  # errors below are round-off and drawn here
 _MARKERS = "os^Dv<>PX"
@@ -29,10 +29,8 @@ def fig17_verification(verification):
         own = verification.isel(comparison=np.flatnonzero(verification.case_group == group))
         for limit in np.unique(own.error_limit):
             ax.axhline(limit, color=style.GREY, linewidth=0.9, linestyle=":")
-            ax.annotate(
-                f"limit\n{limit:g}", (1.0, limit), xycoords=ax.get_yaxis_transform(),
-                xytext=(2, 0), textcoords="offset points", va="center", fontsize=6.5,
-            )  # fmt: skip
+            end = {"xycoords": ax.get_yaxis_transform(), "fontsize": 6.5}
+            say(ax, f"limit\n{limit:g}", (1.0, limit), (2, 0), **end)
         handles = []
         for number, case in enumerate(dict.fromkeys(own.case.values.tolist())):
             handles.append(_line(ax, _largest(own, case), case, number))

@@ -10,7 +10,7 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import style
-from knitsim.figures.panels import heading, letter
+from knitsim.figures.panels import heading, letter, say, scale_bar
 from knitsim.figures.tubes import View, draw_tubes, view_of
 from knitsim.units import from_si
 
@@ -173,11 +173,8 @@ def _draw_springs(ax, yarn, marked):
     ax.set_axis_off()
     low, high = np.min(outlines, axis=(0, 1)), np.max(outlines, axis=(0, 1))
     bar, y = 100.0, low[1] - 0.1 * from_si(diameter, "um")
-    ax.plot([low[0], low[0] + bar], [y, y], color="black", linewidth=2.0, solid_capstyle="butt")
-    ax.annotate(
-        f"{bar:g} µm across the yarn; along it drawn {stretch} times as long",
-        (low[0] + bar, y), (5, 0), textcoords="offset points", va="center", fontsize=7,
-    )  # fmt: skip
+    text = f"{bar:g} µm across the yarn; along it drawn {stretch} times as long"
+    scale_bar(ax, (low[0], y), bar, text)
     ax.set_xlim(low[0] - 12.0, high[0] + 12.0)
     ax.set_ylim(y - 12.0, high[1] + 0.2 * from_si(diameter, "um"))
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=2, handlelength=1.6)
@@ -272,10 +269,8 @@ def _draw_fibres(axes, yarn, path, fibres, ends):
             last = 1 if ends[1].startswith("1,") else len(x) - 1
             for number, text in zip((0, last), ends, strict=True):
                 place = np.array([x[number], y[number]])
-                across.annotate(
-                    text, place, 8.0 * place / max(radius, 1e-9), textcoords="offset points", fontsize=7,
-                    ha="left" if place[0] > 0 else "right", va="center",
-                )  # fmt: skip
+                offset, ha = 8.0 * place / max(radius, 1e-9), "left" if place[0] > 0 else "right"
+                say(across, text, place, offset, ha=ha)
         along.plot(z, x, "-o", color=colour, markersize=3.2, label=f"radius {radius:.1f} µm")
         along.plot(
             z, y, "--o", color=colour, markersize=3.2, markerfacecolor="white", linewidth=1.0

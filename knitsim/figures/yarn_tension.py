@@ -114,10 +114,8 @@ def _draw_tension(ax, yarn, tests):
     ax.legend(loc="upper left", borderaxespad=0.2)
     if "curve_tension" in yarn:
         for place, lines in zip((0.0, 0.6), _constants(yarn, tests), strict=True):
-            ax.annotate(
-                "\n".join(lines), (place, 0.0), (0.0, -30.0), xycoords="axes fraction",
-                textcoords="offset points", va="top", fontsize=6.5, linespacing=1.4,
-            )  # fmt: skip
+            look = {"xycoords": "axes fraction", "va": "top", "fontsize": 6.5, "linespacing": 1.4}
+            panels.say(ax, "\n".join(lines), (place, 0.0), (0.0, -30.0), **look)
 
 
 def _is_rebuilt(yarn):
@@ -151,14 +149,9 @@ def _say_misfit(ax, tests):
     top = {name: int(np.argmax(test["strain"].values)) for name, test in tests.items()}
     low, high = (float(tests[n]["yarn_tension"][top[n]]) for n in ("corrected", "printed"))
     strain = from_si(float(tests["printed"]["strain"][top["printed"]]), "percent")
-    ax.annotate(
-        "", (strain, high), (strain, low),
-        arrowprops={"arrowstyle": "<->", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0},
-    )  # fmt: skip
-    ax.annotate(
-        f"printed {high / low - 1.0:+.0%}".replace("%", " %").replace("-", "−"),
-        (strain, high), (0, 4), textcoords="offset points", ha="center", fontsize=7,
-    )  # fmt: skip
+    panels.arrow(ax, (strain, high), (strain, low))
+    text = f"printed {high / low - 1.0:+.0%}".replace("%", " %").replace("-", "−")
+    panels.say(ax, text, (strain, high), (0, 4), ha="center", va="bottom")
 
 
 def _constants(yarn, tests):
