@@ -8,10 +8,11 @@ import numpy as np
 from knitsim.equilibrium.contact import BarrierContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.pull import FRICTION_INCREMENT
+from knitsim.equilibrium.relax import relax
 from knitsim.equilibrium.to_accuracy import Settings, settings_for
 from knitsim.errors import InputError
 from knitsim.measured.read import read_entry
-from knitsim.stages.laws import calibration_of, laws_of
+from knitsim.stages.laws import calibration_of, laws_of, ledger_laws
 from knitsim.stages.ledger import effect_dataset
 from knitsim.stages.needs import cell_of
 from knitsim.store.tensile import stack_variants
@@ -75,16 +76,6 @@ def settings_of(fabric):
     return _settings_for(fabric, test["accuracy"])
 
 
-def settings_again(fabric, stated, settings):
-    """Settings for what with_value made of ``stated``, whose own are ``settings``.
-
-    They stay, so that the effect of an assumption is not that of other points, unless the scene asks
-    for others.
-    """
-    same = all(fabric.scene[key] == stated.scene[key] for key in _FINENESS)
-    return settings if same else settings_of(fabric)
-
-
 def _settings_for(fabric, accuracy):
     law = laws_of(fabric.yarn, calibration_of(fabric.yarn))["continuous"]
     tests = [
@@ -114,6 +105,27 @@ def resolution_for(fabric, settings, test="equilibrium_rest"):
 def resolution_of(fabric):
     """As :func:`resolution_for` of the fabric at rest, under the settings that it asks for."""
     return resolution_for(fabric, settings_of(fabric))
+
+
+def at_rest(fabric, law, settings, test="equilibrium_rest", **options):
+    """A FabricInput at rest under these settings; law, options: as :func:`solver_fabric` takes them."""
+    return relax(solver_fabric(fabric, law, **options), resolution_for(fabric, settings, test))
+
+
+def settings_again(fabric, stated, settings):
+    """Settings for what with_value made of ``stated``, whose own are ``settings``.
+
+    They stay, so that the effect of an assumption is not that of other points, unless the scene asks
+    for others.
+    """
+    same = all(fabric.scene[key] == stated.scene[key] for key in _FINENESS)
+    return settings if same else settings_of(fabric)
+
+
+def at_rest_again(fabric, stated, settings, **options):
+    """(RelaxedFabric, its settings) without a calibration, the settings by :func:`settings_again`."""
+    settings = settings_again(fabric, stated, settings)
+    return at_rest(fabric, ledger_laws(fabric.yarn)["continuous"], settings, **options), settings
 
 
 def both_ways(largest, states):

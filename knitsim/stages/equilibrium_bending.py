@@ -13,14 +13,13 @@ from knitsim.errors import ComputationError, InputError
 from knitsim.kes.rigidity import rigidity_and_curl
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import (
+    at_rest_again,
     both_ways,
     resolution_for,
-    settings_again,
     settings_of,
     solver_fabric,
     variants_dataset,
 )
-from knitsim.stages.laws import ledger_laws
 from knitsim.store.timing import Timings
 from knitsim.units import from_si
 
@@ -75,9 +74,7 @@ def headlines(fabric, stated, settings, direction):
 
     What changes 2HB stands in the table of sensitivities.
     """
-    law = ledger_laws(fabric.yarn)["continuous"]
-    settings = settings_again(fabric, stated, settings)
-    relaxed = relax(solver_fabric(fabric, law), resolution_for(fabric, settings))
+    relaxed, _ = at_rest_again(fabric, stated, settings)
     rigidity, curl = rigidity_and_curl(relaxed, direction)
     return {"rigidity B": (rigidity, "N m"), "moment that holds it flat": (curl, "N")}
 

@@ -10,13 +10,7 @@ from knitsim.equilibrium.density import fit_density
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
 from knitsim.stages.described import describe_stage
-from knitsim.stages.equilibrium import (
-    resolution_for,
-    settings_again,
-    settings_of,
-    solver_fabric,
-)
-from knitsim.stages.laws import ledger_laws
+from knitsim.stages.equilibrium import at_rest_again, resolution_for, settings_of, solver_fabric
 from knitsim.stages.ledger import effect_dataset
 from knitsim.store.schema import ENERGY_TERMS
 from knitsim.store.tensile import loop_coordinates
@@ -29,9 +23,7 @@ LOOP_LENGTHS = 9
 
 def headlines(fabric, stated, settings):
     """{name: (value, units)} of the relaxed state that the ledger follows."""
-    law = ledger_laws(fabric.yarn)["continuous"]
-    settings = settings_again(fabric, stated, settings)
-    relaxed = relax(solver_fabric(fabric, law), resolution_for(fabric, settings))
+    relaxed, _ = at_rest_again(fabric, stated, settings)
     return {
         "relaxed wale spacing": (relaxed.wale_spacing, "m"),
         "relaxed course spacing": (relaxed.course_spacing, "m"),

@@ -2,9 +2,8 @@
 
 from knitsim.equilibrium.dataset import pull_dataset
 from knitsim.equilibrium.pull import shear
-from knitsim.equilibrium.relax import relax
 from knitsim.stages.described import describe_stage
-from knitsim.stages.equilibrium import both_ways, resolution_for, settings_of, solver_fabric
+from knitsim.stages.equilibrium import at_rest, both_ways, settings_of
 from knitsim.store.timing import Timings
 
 STAGE = "equilibrium_shear"
@@ -14,8 +13,7 @@ def run(fabric, laws):
     """(dataset, timings) of a FabricInput; laws: TensionLaw of its yarn by form."""
     timings, settings = Timings(STAGE, fabric.name), settings_of(fabric)
     test = fabric.scene[STAGE]
-    built = solver_fabric(fabric, laws["continuous"], friction=test["friction"])
-    relaxed = relax(built, resolution_for(fabric, settings, STAGE))
+    relaxed = at_rest(fabric, laws["continuous"], settings, STAGE, friction=test["friction"])
     with timings.measure("shear, with its error estimate"):
         curve = shear(
             relaxed, both_ways(test["max_angle"], test["states"]), tension=test["tension"],

@@ -6,17 +6,9 @@ import numpy as np
 
 from knitsim.equilibrium.dataset import pull_dataset
 from knitsim.equilibrium.pull import tensile
-from knitsim.equilibrium.relax import relax
 from knitsim.equilibrium.whole_test import pulled
 from knitsim.stages.described import describe_stage
-from knitsim.stages.equilibrium import (
-    resolution_for,
-    settings_again,
-    settings_of,
-    solver_fabric,
-    variants_dataset,
-)
-from knitsim.stages.laws import ledger_laws
+from knitsim.stages.equilibrium import at_rest, at_rest_again, settings_of, variants_dataset
 from knitsim.store.timing import Timings
 
 STAGE = "equilibrium_tension"
@@ -38,17 +30,14 @@ def _conditions(choice, settings):
 
 def headlines(fabric, stated, settings, direction):
     """{name: (value, units)} that the ledger follows: of the reference condition, and with friction."""
-    law = ledger_laws(fabric.yarn)["continuous"]
-    settings = settings_again(fabric, stated, settings)
     choices = fabric.scene[STAGE]["variants"]
     tests = {"": (next(iter(choices.values()))["friction"], HEADLINE_STRAINS)}
     if any(choice["friction"] for choice in choices.values()):
         tests[", with friction"] = (True, HEADLINE_STRAINS[:1])
     found = {}
     for what, (friction, strains) in tests.items():
-        built = solver_fabric(fabric, law, friction=friction)
-        relaxed = relax(built, resolution_for(fabric, settings))
-        curve = tensile(relaxed, direction, strains, increment=settings.increment)
+        relaxed, used = at_rest_again(fabric, stated, settings, friction=friction)
+        curve = tensile(relaxed, direction, strains, increment=used.increment)
         for k, strain in enumerate(strains):
             force = curve.force_per_width[k] if k < curve.steps else np.nan
             found[f"force per width at {100 * strain:g} % strain{what}"] = (force, "N m-1")
@@ -62,8 +51,7 @@ def run(fabric, laws, direction):
     for name, choice in fabric.scene[STAGE]["variants"].items():
         strains, conditions = _strains(choice, direction), _conditions(choice, settings)
         with timings.measure(f"{name}, with its error estimate"):
-            built = solver_fabric(fabric, laws["continuous"], friction=choice["friction"])
-            relaxed = relax(built, resolution_for(fabric, settings))
+            relaxed = at_rest(fabric, laws["continuous"], settings, friction=choice["friction"])
             curve = pulled(relaxed, direction, strains, **conditions)
         solved[name] = curve, partial(pull_dataset, curve, relaxed)
         timings.repeat(

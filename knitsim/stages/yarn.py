@@ -1,6 +1,5 @@
 """The yarn: its tension law, given or calibrated, its fibres, and the simulated tensile test."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -21,23 +20,17 @@ from knitsim.store.tensile import stack_variants
 from knitsim.store.timing import Timings
 from knitsim.store.writer import to_json
 from knitsim.study.schema import closure
-from knitsim.yarn.law import TensionLaw
-from knitsim.yarn.packing import pack
-from knitsim.yarn.section import (
-    SimulatedYarn,
-    fibre_path,
-    section_springs,
-    tangent_stiffness,
-    tensile_test,
-)
+from knitsim.yarn.packing import pack, solid_diameter
+from knitsim.yarn.section import fibre_path, section_springs, tangent_stiffness, tensile_test
+from knitsim.yarn.simulated_yarn import as_corrected, as_printed
 
 STAGE = "yarn"
 FIBRE_PATH_SECTIONS = 9
 
 
 def layout_of(yarn):
-    """FibreLayout of a YarnInput; fibres are round and solid."""
-    fibre = math.sqrt(4.0 * yarn["linear_density"] / (yarn["fibres"] * math.pi * yarn["density"]))
+    """FibreLayout of a YarnInput."""
+    fibre = solid_diameter(yarn["linear_density"], yarn["fibres"], yarn["density"])
     return pack(
         yarn["fibres"], yarn["diameter"], fibre, where=yarn.where("fibres")[: -len(".fibres")]
     )
@@ -49,33 +42,16 @@ def signed_twist(yarn):
 
 
 def simulated_yarn(yarn, law, layout, reading):
-    """SimulatedYarn in one reading of the paper, or None if the law has no such reading.
-
-    ``corrected``: k1 and k2 are the elastic and the post-yield stiffness of a filament.  ``printed``:
-    as section 2 of the paper names them, k1 the tension spring and k2 the bending spring, and twist
-    by eq (1) as printed.
-    """
+    """SimulatedYarn of a YarnInput, ``corrected`` or ``printed``; None if the law has no such reading."""
     common = {
-        "layout": layout,
         "spacing": yarn["section_spacing"],
         "twist": signed_twist(yarn),
         "section_stiffness": yarn["section_stiffness"],
         "where": yarn.where("fibres")[: -len(".fibres")],
     }
-    fibre_law = law.scaled(1.0 / layout.fibres)
-    if reading == "corrected":
-        second_moment = math.pi * layout.fibre_diameter**4 / 64.0
-        return SimulatedYarn(
-            law=fibre_law, bending_rigidity=yarn["fibre_modulus"] * second_moment, **common
-        )
-    if not (fibre_law.plastic and fibre_law.strain.size == 3):
-        return None
-    k1, k2 = np.diff(fibre_law.tension) / np.diff(fibre_law.strain)
-    end = fibre_law.breaking_strain
-    return SimulatedYarn(
-        law=TensionLaw([0.0, end], [0.0, k1 * end], end), bending_constant=k2,
-        twist_form="printed", **common,
-    )  # fmt: skip
+    if reading == "printed":
+        return as_printed(law, layout, **common)
+    return as_corrected(law, layout, yarn["fibre_modulus"], **common)
 
 
 def _run_test(simulated, test):
