@@ -213,7 +213,9 @@ def fig31_prediction(measured):
     columns = 3 if bent else 2
     fig, axes = style.figure(height_mm=150.0, rows=2, columns=columns)
     first = next(iter(datasets.values()))
-    panels.heading(fig, "predicted by each choice of parameters: how far they lie apart", 31, first)
+    panels.heading(
+        fig, "predictions of each choice of parameters, and how far they lie apart", 31, first
+    )
     shown = {}
     for row, direction in zip(axes, ("course", "wale"), strict=True):
         at = 0 if direction == "course" else columns

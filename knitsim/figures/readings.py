@@ -18,14 +18,15 @@ BREAK = "break"  # name of the marks where the yarn breaks
 def reading_label(choices):
     """How the loop contracts, or that its positions are the printed ones."""
     if choices["positions"] == "printed":
-        return "positions as printed"
+        return "kinematic: positions as printed"
     if choices["contraction"] == "linear" and choices["limit"] != "half":
-        return "linear, to one course spacing less"
-    return {
+        return "kinematic: linear, to one course spacing less"
+    law = {
         "isometric": "isometric, then at the limit",
         "linear": "linear, to half",
         "none": "no contraction",
     }[choices["contraction"]]
+    return f"kinematic: {law}"
 
 
 def reading_style(choices):
@@ -169,7 +170,8 @@ def plot_loading(ax, curve, values, *, label=None, **look):
     ax.plot(strain, np.where(beyond, np.nan, values), label=label, **look)
     if not beyond.any():
         return None
-    ax.plot(strain, np.where(beyond, values, np.nan), color=look["color"], linestyle=":")
+    dotted = np.where(stored.with_neighbours(beyond), values, np.nan)
+    ax.plot(strain, dotted, color=look["color"], linestyle=":")
     end = strain[beyond][0], values[beyond][0]
     ax.plot(
         *end, marker="X", color=BREAK_COLOUR, markersize=5, linestyle="none", zorder=5, gid=BREAK

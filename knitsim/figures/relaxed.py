@@ -93,7 +93,8 @@ def _draw_loops(fig, place, relaxed, loop):
         )  # fmt: skip
         panels.letter(face, "ab"[k], f"{name}\nw = {w:.3f} mm, c = {c:.3f} mm")
         panels.letter(side, "cd"[k], f"{name},\nside")
-        side.set_xticks([0.0, float(f"{from_si(0.3 * deep, 'mm'):.1g}")])
+        end = float(f"{from_si(0.35 * deep, 'mm'):.1g}")
+        side.set_xticks([-end, 0.0, end], [f"{x:g}" for x in (-end, 0.0, end)])
         side.set_xlabel(side.get_xlabel(), fontsize=6.5)
     for ax in axes[1:]:
         ax.set_ylabel("")

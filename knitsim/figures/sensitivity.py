@@ -55,7 +55,7 @@ def fig33_sensitivity(sensitivity):
                 offset, ha = (6 if right else -6, 0), "left" if right else "right"
                 say(ax, shown, (end, y), offset, ha=ha, fontsize=5.6)
         ax.axvline(0.0, color=style.BLACK, linewidth=0.6)
-        ax.margins(x=0.45)
+        ax.margins(x=0.55)
         ax.set_xlabel("% per %")
         ax.set_yticks(at, [name.replace("_", " ") for name in inputs])
         letter(ax, text, title)

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from knitsim.figures import style
-from knitsim.figures.stored import BEYOND_BREAK, readings
+from knitsim.figures.stored import BEYOND_BREAK, readings, with_neighbours
 from knitsim.figures.style import COLOURS, LINES
 from knitsim.store.tensile import absolute_error
 from knitsim.units import from_si
@@ -110,7 +110,8 @@ def draw(ax, test, values, unit, *, variants=None, residual=False):
             ax.plot(x[states], np.where(beyond, np.nan, shown), LINES[phase], label=label, **look)
             label = None
             if beyond.any():
-                ax.plot(x[states], np.where(beyond, shown, np.nan), ":", **look)
+                dotted = np.where(with_neighbours(beyond), shown, np.nan)
+                ax.plot(x[states], dotted, ":", **look)
             if residual and phase == "recovery":
                 ax.plot(
                     x[states[-1]], 0.0, "D", transform=ax.get_xaxis_transform(), markersize=4.5,

@@ -92,6 +92,11 @@ def is_beyond_break(state):
     return int(state.status) == BEYOND_BREAK
 
 
+def with_neighbours(chosen):
+    """The chosen states (n,), bool, and those beside them: their line goes on from the others'."""
+    return chosen | np.append(chosen[1:], False) | np.append(False, chosen[:-1])
+
+
 def thinned(state):
     """The state with about :data:`SMALL_POINTS` points of its centre line, for a small picture."""
     points = state.sizes["point"]

@@ -31,7 +31,7 @@ def fig00_load_extension(equilibrium_course, equilibrium_wale):
     fig, axes = style.figure(width_mm=130.0, height_mm=92.0)
     ax = axes[0, 0]
     panels.heading(fig, "load and extension, equilibrium model", about=equilibrium_course)
-    handles = {}
+    handles, recovered = {}, {}
     for number, (direction, test) in enumerate(tests.items()):
         if test is None:
             continue
@@ -44,22 +44,21 @@ def fig00_load_extension(equilibrium_course, equilibrium_wale):
             )
             handles.setdefault(f"pulled along the {direction}", line)
         top = int(np.nanargmax(force))
-        text = f"{direction}: {strain[top]:.0f} % at {force[top]:.3g} gf/cm"
-        look = {"color": colour, "va": "bottom"}
-        panels.say(ax, text, (strain[top], force[top]), (0, 3 + 10 * number), ha="right", **look)
+        said = [f"{direction}: {strain[top]:.0f} % at {force[top]:.3g} gf/cm"]
         if solved.is_recovered(curve):
             left = strain[solved.runs(curve)[-1][1][-1]]
             ax.plot(left, 0.0, "D", color=colour, markerfacecolor="white", clip_on=False, zorder=5)
-            panels.say(ax, f"{left:.1f} % left", (left, 0.0), (4, 5), bbox=panels.PLAIN, **look)
+            said.append(f"{left:.1f} % left")
+            recovered = panels.RECOVERY | solved.residual_handle()
+        at = (strain[top], force[top]), (0, 3 + 10 * number)
+        panels.say(ax, ", ".join(said), *at, ha="right", color=colour, va="bottom")
     ax.set_xlim(left=0.0)
     ax.set_ylim(0.0, 1.12 * ax.get_ylim()[1])
     ax.set_xlabel("extension (%)")
     ax.set_ylabel("load per width (gf/cm)")
     panels.second_axis(ax, "gf_per_cm", "N_per_mm", "load per width (N/mm)")
     ax.grid(True)
-    if any(test is not None and solved.is_recovered(recovering(test)) for test in tests.values()):
-        handles |= panels.RECOVERY
-    panels.legend(fig, handles, note="\n".join(solved.ended(tests)))
+    panels.legend(fig, handles | recovered, ncols=2, note="\n".join(solved.ended(tests)))
     return fig
 
 
@@ -127,10 +126,12 @@ def _kinematic_row(tension):
     """[(name, state)] at rest and at thirds of the largest strain; then as printed."""
     corrected, printed = readings.reference_and_printed(stored.with_centreline(tension))
     row = [
-        ("corrected", corrected.isel(step=readings.step_at_share(tension, k / 3))) for k in range(4)
+        ("kinematic", corrected.isel(step=readings.step_at_share(tension, k / 3))) for k in range(4)
     ]
     if printed is not None:
-        row.append(("as printed", printed.isel(step=readings.step_at_share(tension, 1.0))))
+        row.append(
+            ("kinematic as printed", printed.isel(step=readings.step_at_share(tension, 1.0)))
+        )
     return row
 
 
