@@ -85,8 +85,9 @@ def _curves(row, test, direction, letters):
             x = from_si(touch, "percent")
             ax.axvline(x, color=style.GREY, linewidth=0.8, linestyle=(0, (1, 2)), zorder=0)
             if ax is row[1]:
-                at = {"xycoords": ax.get_xaxis_transform(), "ha": "right", "va": "top", "fontsize": 6}
-                panels.say(ax, f"legs\ntouch\n{x:.0f} %", (x, 0.97), (-3, 0), **at)
+                at = {"xycoords": ax.get_xaxis_transform(), "ha": "right", "va": "top"}
+                said = f"legs\ntouch\n{x:.0f} %"
+                panels.say(ax, said, (x, 0.97), (-3, 0), fontsize=6, **at)
 
 
 def strain_of_touch(curve):
