@@ -14,7 +14,7 @@ from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
 from knitsim.stages import equilibrium_bending, equilibrium_rest, equilibrium_tension
-from knitsim.stages.equilibrium import settings_of, solver_fabric
+from knitsim.stages.equilibrium import settings_again, settings_of, solver_fabric
 from knitsim.stages.laws import stated_law
 from knitsim.stages.tables import assumption_table
 from knitsim.store.writer import write
@@ -97,6 +97,22 @@ def test_points_are_what_they_were_without_an_accuracy(tmp_path):
     fabric = study_of(tmp_path, points=32).fabrics["cotton"]
     assert settings_of(fabric).resolution == Resolution(32)
     assert not [row for row in fabric.assumptions() if row.key.endswith("accuracy")]
+
+
+def test_settings_follow_from_the_input_and_not_from_the_order_of_calls(tmp_path):
+    fabric = study_of(tmp_path, accuracy=0.1).fabrics["cotton"]
+    stiffer = fabric.with_value("yarn.compression_stiffness_N_per_m", 10000)
+    before = dict(vars(fabric))
+    first, own = settings_of(stiffer), settings_of(fabric)
+    assert first.resolution.contacts > own.resolution.contacts
+    # Asked again, and of another copy made after the fabric was asked itself.
+    again = fabric.with_value("yarn.compression_stiffness_N_per_m", 10000)
+    assert settings_of(stiffer) == settings_of(again) == first
+    assert vars(fabric) == before
+    # The ledger keeps the points of the stated fabric, unless what asks for them is changed.
+    assert settings_again(stiffer, fabric, own) == own
+    coarser = fabric.with_value("scene.equilibrium_rest.accuracy", 0.5)
+    assert settings_again(coarser, fabric, own) == settings_of(coarser) != own
 
 
 def test_an_accuracy_of_one_scene_changes_the_results_of_its_fabrics_only(tmp_path):

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from knitsim.equilibrium.to_accuracy import LARGEST, settings_for
 from scipy.integrate import solve_ivp
 
 from knitsim.benchmark import elastica as benchmark_elastica
@@ -33,7 +34,6 @@ from knitsim.equilibrium import pull as tension
 from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.to_accuracy import LARGEST, settings_for
 from knitsim.errors import ComputationError, InputError
 from knitsim.figures import style
 from knitsim.figures.benchmark import read, run_time_against_error

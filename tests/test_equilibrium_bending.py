@@ -23,8 +23,8 @@ from knitsim.equilibrium.model import rounded_law
 from knitsim.equilibrium.pattern import Pattern
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
+from knitsim.kes.curl import EDGES, rolls_to
 from knitsim.stages.judged import relaxed_of
-from knitsim.stages.kes_table import EDGES, rolls_to
 from knitsim.verification import stress_bending
 from knitsim.yarn.law import paper_k3
 
@@ -402,11 +402,11 @@ def test_loop_in_space_lies_on_its_cylinder(cotton):
     axis = np.array([0.0, -1.0 / 200.0])
     flat = curve.centreline[0]
     for courses in (0, 2):
-        points = curve.centreline_bent(0, courses=courses)
+        [points] = curve.centrelines_bent(0, courses=courses)
         radius = np.linalg.norm(points[:, 1:] - axis, axis=1)
         np.testing.assert_allclose(radius, 1.0 / 200.0 + flat[:, 2], rtol=1e-12)
         np.testing.assert_allclose(points[:, 0], flat[:, 0])
-    moved = curve.centreline_bent(1, wales=1)
+    [moved] = curve.centrelines_bent(1, wales=1)
     expected = curve.centreline[1] + [curve.wale_spacing[1], 0.0, 0.0]
     np.testing.assert_allclose(moved, expected, atol=1e-15)
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from figure_tools import check_same_twice, draw, named
+from figure_tools import check_layout, check_same_twice, draw, named
 
 from knitsim.figures import bending
 from knitsim.figures.bending import angles_of_sections
@@ -80,7 +80,7 @@ def test_positions_in_the_figure_are_those_of_the_file(datasets, figures):
             (line,) = (
                 li for li in ax.lines if li.get_color() == colour and li.get_marker() == marker
             )
-            points = datasets["bending_course"].sel(variant=form).centreline.values[step]
+            points = datasets["bending_course"].sel(variant=form).centreline.values[step, 0]
             assert np.allclose(
                 line.get_xydata(), points[:, [0, 2]] * 1e3, rtol=1e-12, equal_nan=True
             )
@@ -95,7 +95,7 @@ def test_bent_fabrics_name_curvature_side_and_yarn_strain(datasets, figures):
             titles[6 * k : 6 * k + 5], range(5), ("-2.5", "-1.25", "0", "+1.25", "+2.5"),
             ("back convex", "back convex", "flat", "face convex", "face convex"), strict=True,
         ):  # fmt: skip
-            assert title.startswith(f"{curvature} per cm, {side}")
+            assert title[4:].startswith(f"{curvature} per cm, {side}")
             strain = 100.0 * float(curve.yarn_strain[step])
             assert f"yarn {strain + 0.0:+.2f} %" in title
         assert "as printed" in titles[6 * k + 5]
@@ -120,6 +120,11 @@ def test_axes_have_units_and_the_title_its_fabric(figures):
     for ax in figures["fig11_bending"].axes:
         assert ax.images
         assert ax.texts[0].get_text().endswith(" mm")  # its scale bar
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_nothing_is_cut_or_lies_on_text_and_legends_have_their_marks(name, figures):
+    check_layout(figures[name])
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from knitsim.figures import catalogue, style
 from knitsim.figures.draw import draw
@@ -29,17 +30,29 @@ def test_each_figure_takes_the_files_that_the_catalogue_names(figure):
 def test_figures_are_named_once_and_drawn_where_their_files_are():
     names = [figure.name for figure in catalogue.FIGURES]
     assert len(set(names)) == len(names)
-    assert catalogue.drawable("equilibrium", "fabric", {"loop"}) == []
-    found = catalogue.drawable("equilibrium", "fabric", {"loop", "relaxed"})
+    assert names[0] == "fig00_load_extension"
+    assert catalogue.drawable("solved", "fabric", {"loop"}) == []
+    found = catalogue.drawable("solved", "fabric", {"loop", "relaxed"})
     assert [figure.name for figure in found] == ["fig15_relaxed_fabric"]
-    assert catalogue.drawable("equilibrium", "yarn", catalogue.FILES) == []
+    assert catalogue.drawable("solved", "yarn", catalogue.FILES) == []
+
+
+def test_every_figure_has_a_caption_that_its_files_carry(tmp_path):
+    captions = [figure.caption for figure in catalogue.FIGURES]
+    assert all(caption.endswith(".") and len(caption) > 60 for caption in captions)
+    assert len(set(captions)) == len(captions)
+    with style.context():
+        fig, _ = style.figure()
+    png, svg = style.save(fig, tmp_path / "one", captions[0])
+    assert Image.open(png).text["Description"] == captions[0]
+    assert captions[0] in svg.read_text()
 
 
 def test_figures_of_a_group_are_drawn_from_files(tmp_path):
     dataset = loop.run(load_study(SMALL).fabrics["small"])[0]
     file = tmp_path / "loop.nc"
     write(dataset, file)
-    figures = catalogue.drawable("loop", "fabric", {"loop"})[:1]
+    figures = catalogue.drawable("paper", "fabric", {"loop"})[:1]
     stems = {figure.name: tmp_path / "drawn" / figure.name for figure in figures}
     draw(figures, {"loop": file}, stems)
     written = sorted(path.name for path in (tmp_path / "drawn").iterdir())

@@ -5,13 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from figure_tools import check_same_twice, draw, lines, named, panel
+from figure_tools import check_layout, check_same_twice, draw, lines, named, panel
 
 from knitsim.figures import equilibrium_tension, relaxed
-from knitsim.figures.readings import EQUILIBRIUM_COLOURS
+from knitsim.figures.solved import condition, looks
 from knitsim.stages import equilibrium_rest, loop
 from knitsim.stages import equilibrium_tension as stage
 from knitsim.stages.laws import laws_of
+from knitsim.store.tensile import absolute_error
 from knitsim.study.study import load_study
 
 FIGURES = named("relaxed", "equilibrium_tension")
@@ -37,6 +38,11 @@ def figures(datasets):
 @pytest.mark.parametrize("name", FIGURES)
 def test_saved_files_are_the_same_twice(name, datasets, figures, tmp_path):
     check_same_twice([figures[name], draw(name, datasets)], tmp_path)
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_nothing_is_cut_or_lies_on_text_and_legends_have_their_marks(name, figures):
+    check_layout(figures[name])
 
 
 def test_axes_name_their_units_and_the_title_its_fabric(figures):
@@ -126,24 +132,24 @@ def test_curves_are_those_of_the_file_from_the_state_at_rest(direction, letters,
         letters[2]: (100.0 * test.transverse_strain, 0.0),
         letters[3]: (test.min_distance, float(datasets["relaxed"].min_distance)),
     }
+    colours = {name: look["color"] for name, look in looks(test).items()}
     for key, (values, start) in shown.items():
         ax = panel(fig, f"({key})")
-        for name, friction in (("frictionless", False), ("friction", True)):
+        for name in ("frictionless", "friction"):
             curve = test.sel(variant=name)
             up = (curve.phase.values == "loading") & np.isfinite(curve.strain.values)
-            colour = EQUILIBRIUM_COLOURS[friction, True]
-            ((x, y),) = lines(ax, color=colour, linestyle="-")
+            ((x, y),) = lines(ax, color=colours[name], linestyle="-")
             assert x == pytest.approx(100.0 * curve.strain.values[up])
             assert y == pytest.approx(values.sel(variant=name).values[up])
             assert (x[0], y[0]) == pytest.approx((0.0, start), abs=1e-5)
-        (back,) = lines(ax, color=EQUILIBRIUM_COLOURS[True, True], linestyle="--")
+        (back,) = lines(ax, color=colours["friction"], linestyle="--")
         assert back[0, -1] == pytest.approx(100.0 * float(curve.strain[-1]))
 
 
 def test_band_is_the_estimated_error_of_the_force(datasets, figures):
     curve = datasets["equilibrium_course"].sel(variant="friction")
     force = curve.force_per_width.values
-    error = equilibrium_tension.force_error(curve)
+    error = absolute_error(force, curve.numerical_error.values)
     largest = int(np.argmax(force))
     expected = float(curve.numerical_error[largest]) * force[largest]
     assert error[largest] == pytest.approx(expected)
@@ -207,12 +213,14 @@ def test_of_more_cycles_the_first_one_is_told(datasets, figures):
 def test_conditions_are_named_in_words(figures):
     said = [t.get_text() for t in figures["fig16_equilibrium_tension"].legends[0].get_texts()]
     assert said[:2] == [
-        "frictionless: no friction, width free",
-        "friction: with friction, width free",
+        "equilibrium, frictionless: no friction, width free",
+        "equilibrium, friction: with friction, width free",
     ]
     choices = {"friction": False, "lateral": "loaded", "lateral_load": 2.5}
-    words = equilibrium_tension._condition("biaxial", choices)
-    assert words == "biaxial: no friction, width under 0.0025 N/mm"
+    words = "equilibrium, biaxial: no friction, width under 0.0025 N/mm"
+    assert condition("biaxial", choices) == words
+    choices = {"friction": True, "spacings": "held", "set": 0.9}
+    assert condition("s", choices) == "equilibrium, s: with friction, spacings held, set 0.9"
 
 
 def test_fabrics_are_named_with_strain_and_force(datasets, figures):
@@ -222,13 +230,13 @@ def test_fabrics_are_named_with_strain_and_force(datasets, figures):
         curve = datasets[f"equilibrium_{direction}"].sel(variant="frictionless")
         for step, title in enumerate(titles[3 * k : 3 * k + 3], start=1):
             strain, force = float(curve.strain[step]), float(curve.force_per_width[step])
-            assert title == f"{direction} {100 * strain:+.0f} %\n{1e-3 * force:.2g} N/mm"
+            assert title[4:] == f"{direction} {100 * strain:+.0f} %\n{1e-3 * force:.2g} N/mm"
 
 
 def test_a_test_that_ends_early_says_why_and_one_without_states_is_left_out(datasets):
     ended = datasets["equilibrium_wale"].assign_attrs(stop_reason="friction: no state at 0.02")
     fig = draw("fig16_equilibrium_tension", datasets | {"equilibrium_wale": ended})
-    assert fig.get_supxlabel() == "wale pull, ended early: friction: no state at 0.02"
+    assert fig.get_supxlabel() == "wale, ended early: friction: no state at 0.02"
     empty = ended.assign_coords(strain=ended.strain * np.nan)
     fig = draw("fig16_equilibrium_tension", datasets | {"equilibrium_wale": empty})
     assert "no state at 0.02" in fig.get_supxlabel()

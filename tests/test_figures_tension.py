@@ -5,18 +5,13 @@ import json
 import numpy as np
 import pytest
 import yaml
-from figure_tools import check_same_twice, draw, lines, named, repeated
+from figure_tools import check_layout, check_same_twice, draw, lines, named, panel, repeated
 
 from knitsim.errors import InputError
 from knitsim.figures import style
-from knitsim.figures.readings import (
-    EQUILIBRIUM_COLOURS,
-    equilibrium_styles,
-    runs,
-    starting_spacings,
-    with_states,
-)
-from knitsim.figures.states import law_source
+from knitsim.figures.readings import starting_spacings
+from knitsim.figures.solved import condition, looks, runs, with_states
+from knitsim.figures.stored import law_source
 from knitsim.stages import equilibrium_rest, equilibrium_tension, kinematic_tension
 from knitsim.stages.laws import calibration_of, laws_of
 from knitsim.study.study import load_study
@@ -95,14 +90,14 @@ def loaded(dataset, variant, name):
     return 100.0 * curve.strain.values[up], curve[name].values[up], curve.status.values[up]
 
 
-def readings_grid(fig):
-    """Panels of the kinematic readings: forces of course and wale down, readings across."""
-    return np.array(fig.axes[2:]).reshape(4, -1)
-
-
 @pytest.mark.parametrize("name", repeated(FIGURES, "fig13_fabric_under_tension"))
 def test_saved_files_are_the_same_twice(name, datasets, figures, tmp_path):
     check_same_twice([figures[name], draw(name, datasets)], tmp_path)
+
+
+@pytest.mark.parametrize("stem", FIGURES)
+def test_nothing_is_cut_or_lies_on_text_and_legends_have_their_marks(stem, figures):
+    check_layout(figures[stem])
 
 
 @pytest.mark.parametrize("stem", FIGURES)
@@ -118,27 +113,30 @@ def test_axes_name_their_units_and_the_title_its_fabric(stem, figures):
             assert not place.is_last_row() or ax.get_xlabel() == "course direction (mm)"
             assert not place.is_first_col() or ax.get_ylabel() == "wale direction (mm)"
             continue
-        if stem.startswith("fig14"):
-            continue
         assert ax.get_xlabel().endswith(("(mm)", "(%)"))
-        assert ax.get_ylabel().endswith(("(mm)", "(1)", "(diameters)"))
+        units = ("(mm)", "(1)", "(diameters)", "(N/mm)", "(gf/cm)", "(N)")
+        assert ax.get_ylabel().endswith(units)
 
 
-def test_axes_of_the_force_figure_name_their_units(figures):
-    fig = figures["fig14_fabric_tension"]
-    both, grid = fig.axes[:2], readings_grid(fig)
-    for ax in both:
-        assert ax.get_xlabel().endswith("strain (%)")
-        assert ax.get_ylabel() == "force per width (N/mm)"
-        labels = [child.get_xlabel() or child.get_ylabel() for child in ax.child_axes]
-        assert [label[label.index("(") :] for label in labels] == ["(mm)", "(mm)", "(gf/cm)"]
-        kinematic, equilibrium = ("spacing of the kinematic", "spacing of the equilibrium")
-        assert kinematic in labels[0]
-        assert equilibrium in labels[1]
-    # Rows share the label of the force, and pairs of them that of the strain.
-    assert [ax.get_ylabel()[-3:] for ax in grid[:, 0]] == ["(N)"] * 4
-    assert all(ax.get_xlabel().endswith("strain (%)") for ax in grid[1::2].flat if ax.axison)
-    assert [ax.child_axes[0].get_ylabel() for ax in grid[1::2, 0]] == ["per width (N/mm)"] * 2
+def test_load_and_extension_are_those_of_the_file(datasets, figures):
+    """To linear scales, both directions, out and back; KES units first."""
+    ax = figures["fig00_load_extension"].axes[0]
+    assert ax.get_xscale() == ax.get_yscale() == "linear"
+    (side,) = ax.child_axes
+    assert side._functions[0](1.0) == pytest.approx(9.80665 / 10.0 * 1e-3)  # N/mm in a gf/cm
+    for direction in ("course", "wale"):
+        curve = datasets[f"equilibrium_{direction}"].sel(variant="rough")
+        reached = np.isfinite(curve.strain.values)
+        out, back = lines(ax, color=style.COLOURS[direction], marker="None")
+        strain = 100.0 * curve.strain.values[reached]
+        force = curve.force_per_width.values[reached] / 9.80665 * 10.0
+        assert np.concatenate([out[0], back[0][1:]]) == pytest.approx(strain)
+        assert np.concatenate([out[1], back[1][1:]]) == pytest.approx(force)
+        said = [text.get_text() for text in ax.texts]
+        (text,) = [
+            text for text in said if text.startswith(f"{direction}: {strain.max():.0f} % at")
+        ]
+        assert text.endswith(f", {strain[-1]:.1f} % left")
 
 
 @pytest.mark.parametrize(
@@ -147,7 +145,7 @@ def test_axes_of_the_force_figure_name_their_units(figures):
 )  # fmt: skip
 def test_sections_move_as_eqs_4_and_5_say(stem, name, axis, datasets, figures):
     dataset = datasets[name]
-    rest = dataset.centreline.sel(variant="isometric").values[0, :, axis]
+    rest = dataset.centreline.sel(variant="isometric").values[0, 0, :, axis]
     centre = 0.5 * 0.9e-3 if axis == 0 else rest.min()
     edge = 0.5 * 0.9e-3 if axis == 0 else np.ptp(rest)
     ax = figures[stem].axes[3]
@@ -172,7 +170,9 @@ def test_contraction_is_that_of_the_file_down_to_its_limit(direction, datasets, 
     dataset = datasets[f"tension_{direction}"]
     number = {"course": "07", "wale": "09"}[direction]
     ax = figures[f"fig{number}_{direction}_contraction"].axes[1]
-    labels = {"isometric": "isometric, then at the limit", "shrinks": "linear, to half"}
+    labels = {
+        "isometric": "kinematic: isometric, then at the limit", "shrinks": "kinematic: linear, to half",
+    }  # fmt: skip
     for variant, label in labels.items():
         strain, across, status = loaded(dataset, variant, "transverse_strain")
         ((x, y),) = lines(ax, label=label)
@@ -181,9 +181,9 @@ def test_contraction_is_that_of_the_file_down_to_its_limit(direction, datasets, 
         assert np.allclose(y[valid], 1.0 + across[valid], atol=0)
         assert np.isnan(y[~valid]).all()
         assert 1.0 + across.min() == pytest.approx(0.5, abs=1e-12)
-    dotted = sorted({line[1][0] for line in lines(ax, color=style.GREY)})
+    dotted = sorted({line[1][0] for line in lines(ax, color=style.GREY, linestyle=":")})
     if direction == "course":
-        points = dataset.centreline.sel(variant="isometric").values[0, :, 1]
+        points = dataset.centreline.sel(variant="isometric").values[0, 0, :, 1]
         # One course spacing of the loop's height: the coarse points miss the height by little.
         assert dotted == [pytest.approx(1.0 - 0.7e-3 / np.ptp(points), abs=5e-3), 0.5]
     else:
@@ -191,47 +191,25 @@ def test_contraction_is_that_of_the_file_down_to_its_limit(direction, datasets, 
 
 
 def test_every_reading_stands_in_the_force_figure(datasets, figures):
-    axes = readings_grid(figures["fig14_fabric_tension"])
-    panels = {
-        "isometric": 0,
-        "shrinks": 0,
-        "other_limit": 0,
-        "fabric": 1,
-        "law": 2,
-        "printed": 2,
-    }
-    for row, direction in ((0, "course"), (2, "wale")):
+    fig = figures["fig14_fabric_tension"]
+    yarn, fabric = {"course": "(e)", "wale": "(f)"}, {"course": "(g)", "wale": "(h)"}
+    for direction in ("course", "wale"):
         dataset = datasets[f"tension_{direction}"]
-        for variant, column in panels.items():
+        for variant in set(VARIANTS) - {"drag"}:
             if variant not in dataset.variant.values:
                 assert (direction, variant) == ("wale", "other_limit")
                 continue
-            for ax, name in zip(
-                axes[row : row + 2, column], ("yarn_tension", "force_per_loop"), strict=True
-            ):
-                strain, force, status = loaded(dataset, variant, name)
-                expected = np.where(status == 0, force, np.nan)
-                assert any(
-                    np.array_equal(line.get_xdata(), strain)
-                    and np.array_equal(line.get_ydata(), expected, equal_nan=True)
-                    for line in ax.lines
-                )
-    friction = lines(axes[0, 3], linestyle="-", color=style.BLACK)[0]
-    held = datasets["tension_course"].sel(variant="drag").friction_force.values[0]
+            panels = fabric if variant == "fabric" else yarn
+            strain, force, status = loaded(dataset, variant, "yarn_tension")
+            expected = np.where(status == 0, force, np.nan)
+            assert any(
+                np.array_equal(line.get_xdata(), strain)
+                and np.array_equal(line.get_ydata(), expected, equal_nan=True)
+                for line in panel(fig, panels[direction]).lines
+            )
+    held = float(datasets["tension_course"].sel(variant="drag").friction_force.values[0])
     assert held > 0
-    assert np.allclose(friction[1], held, rtol=1e-9)
-
-
-def test_force_per_width_axis_agrees_with_the_file(datasets, figures):
-    axes = readings_grid(figures["fig14_fabric_tension"])
-    for row, direction in ((1, "course"), (3, "wale")):
-        curve = datasets[f"tension_{direction}"].sel(variant="isometric")
-        (side,) = axes[row, 0].child_axes
-        force = curve.force_per_loop.values
-        step = int(np.argmax(force))
-        assert force[step] > 0
-        per_width = float(curve.force_per_width[step]) * 1e-3  # N/m to N/mm
-        assert side._functions[0](force[step]) == pytest.approx(per_width, rel=1e-9)
+    assert f"F = c v adds {held:.3g} N" in fig.legends[0].get_title().get_text()
 
 
 def test_states_beyond_break_are_marked(datasets, figures):
@@ -239,8 +217,7 @@ def test_states_beyond_break_are_marked(datasets, figures):
     strain, force, status = loaded(datasets["tension_course"], "isometric", "yarn_tension")
     assert 0 < status.sum() < status.size
     first = int(np.argmax(status))
-    axes = readings_grid(figures["fig14_fabric_tension"])
-    crosses = [c[:, 0] for c in lines(axes[0, 0], marker="X")]
+    crosses = [c[:, 0] for c in lines(panel(figures["fig14_fabric_tension"], "(e)"), marker="X")]
     assert any(np.array_equal(cross, [strain[first], force[first]]) for cross in crosses)
 
     titles = [ax.get_title() for ax in figures["fig13_fabric_under_tension"].axes[:5]]
@@ -270,10 +247,10 @@ def test_conditions_that_differ_in_their_reach_only_are_told_apart(datasets):
     test = datasets["equilibrium_course"]
     readings = json.loads(test.attrs["readings"])
     readings["clamped"] = readings["rough"] | {"max_strain_course": 0.2}
-    looks = equilibrium_styles(test.assign_attrs(readings=json.dumps(readings)))
-    assert looks["rough"]["color"] == looks["clamped"]["color"] != looks["sliding"]["color"]
-    assert looks["rough"]["linewidth"] > looks["clamped"]["linewidth"]
-    assert len({look["color"] for look in equilibrium_styles(test).values()}) == 3
+    found = looks(test.assign_attrs(readings=json.dumps(readings)))
+    assert found["rough"]["color"] == found["clamped"]["color"] != found["sliding"]["color"]
+    assert found["rough"]["linewidth"] > found["clamped"]["linewidth"]
+    assert len({look["color"] for look in looks(test).values()}) == 3
 
 
 def test_without_a_state_the_equilibrium_model_is_left_out(datasets):
@@ -298,40 +275,45 @@ def test_equilibrium_starts_from_the_relaxed_spacings(direction, datasets):
         assert abs(float(kinematic[name][0, 0]) / known[k] - 1.0) > 0.05  # a different start
 
 
-@pytest.mark.parametrize(("panel", "direction"), [(0, "course"), (1, "wale")])
-def test_both_models_stand_in_the_force_figure(panel, direction, datasets, figures):
-    ax = figures["fig14_fabric_tension"].axes[panel]
+@pytest.mark.parametrize(
+    ("key", "direction"), [("(a)", "course"), ("(b)", "wale"), ("(c)", "course"), ("(d)", "wale")]
+)
+def test_both_models_stand_in_the_force_figure(key, direction, datasets, figures):
+    ax = panel(figures["fig14_fabric_tension"], key)
+    assert ax.get_yscale() == "linear"
     test = datasets[f"equilibrium_{direction}"]
     strain, force, _ = loaded(datasets[f"tension_{direction}"], "shrinks", "force_per_width")
-    ((x, _),) = lines(ax, label="linear, to half")
+    ((x, _),) = lines(ax, label="kinematic: linear, to half")
     assert np.array_equal(x, strain)
-    for name, friction, free in (("sliding", False, True), ("rough", True, True),
-                                 ("clamped", False, False)):  # fmt: skip
-        colour = EQUILIBRIUM_COLOURS[friction, free]
-        ((x, y),) = lines(ax, color=colour, linestyle="-", label=f"equilibrium, {name}")
+    colours = {name: look["color"] for name, look in looks(test).items()}
+    for name, words in (("sliding", "no friction, width free"), ("rough", "with friction, width free"),
+                        ("clamped", "no friction, width held")):  # fmt: skip
+        label = f"equilibrium, {name}: {words}"
+        ((x, y),) = lines(ax, color=colours[name], linestyle="-", label=label)
         strain, force, _ = loaded(test, name, "force_per_width")
         reached = np.isfinite(strain)
         assert reached.sum() >= 3
         assert np.array_equal(x, strain[reached])
         assert y == pytest.approx(1e-3 * force[reached], rel=1e-12)
     rough = test.sel(variant="rough")
-    colour = EQUILIBRIUM_COLOURS[True, True]
-    ((x, y),) = lines(ax, color=colour, linestyle="--")
+    ((x, y),) = lines(ax, color=colours["rough"], linestyle="--")
     back = np.flatnonzero(rough.phase.values == "recovery")
     assert x == pytest.approx(100.0 * rough.strain.values[[back[0] - 1, *back]], rel=1e-12)
-    ((left, _),) = lines(ax, color=colour, marker="D")
-    assert left == pytest.approx(100.0 * rough.strain.values[back[-1]])
-    assert left[0] > 1.0  # friction keeps some of the strain
-
-    # The spacing pulled stands above the strain, of either model from its own start.
+    if key in ("(c)", "(d)"):
+        ((left, _),) = lines(ax, color=colours["rough"], marker="D")
+        assert left == pytest.approx(100.0 * rough.strain.values[back[-1]])
+        assert left[0] > 1.0  # friction keeps some of the strain
+        (width,) = ax.child_axes
+        assert width._functions[0](1.0) == pytest.approx(1000.0 / 9.80665 * 10.0)  # gf/cm in a N/mm
+        return
+    # The spacing pulled stands above the strain, from the start of the equilibrium model.
+    (side,) = ax.child_axes
+    curve = test.sel(variant="sliding")
+    x = 100.0 * curve.strain.values[1]
     spacing = f"{'wale' if direction == 'course' else 'course'}_spacing"
-    kinematic = datasets[f"tension_{direction}"].sel(variant="isometric")
-    for side, curve in zip(ax.child_axes, (kinematic, test.sel(variant="sliding")), strict=False):
-        x = 100.0 * curve.strain.values[1]
-        assert side._functions[0](x) == pytest.approx(1e3 * float(curve[spacing][1]), rel=1e-6)
-        assert side._functions[1](side._functions[0](x)) == pytest.approx(x)
-    width = ax.child_axes[2]._functions[0]
-    assert width(1.0) == pytest.approx(1000.0 / 9.80665 * 10.0)  # gf/cm in a N/mm
+    assert side._functions[0](x) == pytest.approx(1e3 * float(curve[spacing][1]), rel=1e-6)
+    assert side._functions[1](side._functions[0](x)) == pytest.approx(x)
+    assert "equilibrium" in side.get_xlabel()
 
 
 def test_the_gap_between_the_models_is_told_where_both_have_states(datasets, figures):
@@ -362,7 +344,8 @@ def test_contraction_of_the_equilibrium_model_is_that_of_the_file(direction, dat
     for name in CONDITIONS:
         strain, across, _ = loaded(test, name, "transverse_strain")
         reached = np.isfinite(strain)
-        ((x, scale),) = lines(ax, label=f"equilibrium, {name}")
+        label = condition(name, json.loads(test.attrs["readings"])[name])
+        ((x, scale),) = lines(ax, label=label)
         assert np.array_equal(x, strain[reached])
         assert np.array_equal(scale, 1.0 + across[reached])
         assert (x[0], scale[0]) == pytest.approx((0.0, 1.0), abs=1e-6)
@@ -376,7 +359,7 @@ def test_fabric_of_both_models_at_the_same_strains(datasets, figures):
         curve = datasets[f"equilibrium_{direction}"].sel(variant="sliding")
         strain = 100.0 * curve.strain.values
         for title in titles[row]:
-            assert title == "" or title.startswith(f"equilibrium\n{direction} ")
+            assert title == "" or title[4:].startswith(f"equilibrium\n{direction} ")
         assert f"{direction} +0 %\n0 N/mm" in titles[row, 0]
         last = np.nanargmax(strain)
         assert f"{direction} {strain[last]:+.0f} %" in titles[row, 4]
@@ -394,7 +377,8 @@ def test_only_the_kinematic_model_is_drawn_without_the_other(datasets):
     alone = {name: data for name, data in datasets.items() if name.startswith("tension")}
     assert len(draw("fig13_fabric_under_tension", alone).axes) == 10
     fig = draw("fig14_fabric_tension", alone)
-    assert [len(ax.child_axes) for ax in fig.axes[:2]] == [2, 2]
+    assert [len(ax.child_axes) for ax in fig.axes[:2]] == [1, 1]
+    assert "kinematic" in fig.axes[0].child_axes[0].get_xlabel()
     words = [text.get_text() for text in fig.legends[0].get_texts()]
     assert not any("equilibrium" in text for text in words)
 
@@ -402,10 +386,11 @@ def test_only_the_kinematic_model_is_drawn_without_the_other(datasets):
 def test_a_curve_is_called_what_it_is(datasets):
     dataset = datasets["tension_course"].copy()
     assert "stated in the configuration" in law_source(dataset)
-    for name, words in (("cotton_rebuilt", "rebuilt from the paper's constants, not measured"),
-                        ("lab_7", "calibrated from lab_7.csv")):  # fmt: skip
+    for rebuilt, words in ((True, "rebuilt from the paper's constants, not measured"),
+                           (False, "calibrated from lab_7.csv")):  # fmt: skip
         configuration = json.loads(dataset.attrs["configuration"])
-        configuration["yarn"]["values"]["tension_curve"] = {"file": f"curves/{name}.csv"}
+        curve = {"file": "curves/lab_7.csv", "rebuilt": rebuilt}
+        configuration["yarn"]["values"]["tension_curve"] = curve
         dataset.attrs["configuration"] = json.dumps(configuration)
         assert words in law_source(dataset)
         assert "experiment" not in law_source(dataset)
@@ -426,4 +411,4 @@ def test_without_the_printed_reading_only_the_corrected_one_is_drawn(datasets):
     assert [ax.axison for ax in fig.axes[:3]] == [True, True, False]
     assert not [line for ax in fig.axes for line in ax.lines
                 if line.get_color() == style.COLOURS["printed"]]  # fmt: skip
-    assert len(draw("fig14_fabric_tension", kept).axes) == 2 + 4
+    assert len(draw("fig14_fabric_tension", kept).axes) == 4

@@ -9,7 +9,7 @@ import pytest
 from knitsim.errors import InputError
 from knitsim.loop.build import build_loop
 from knitsim.loop.centreline import periodic_spline
-from knitsim.loop.frames import loop_frames, rotation_minimising_frames
+from knitsim.loop.frames import line_frames, loop_frames, rotation_minimising_frames
 from knitsim.loop.frames_kernels import fibres_of_states, frames_of_states
 
 COTTON = (1e-2 / 6.67, 1e-2 / 8.33, 0.2793e-3, 5.56e-3)
@@ -234,3 +234,30 @@ def test_refuses_sections_that_do_not_fit(arguments, says):
 def test_refuses_a_layout_that_is_not_plane():
     with pytest.raises(InputError, match="fibre layout"):
         loop_frames(build_loop(*COTTON), 10).fibre_points(np.zeros((4, 3)))
+
+
+def test_frames_of_an_open_line_are_carried_without_turning():
+    """Against the smallest rotations over 20,000 pieces; second order, as are the chords' tangents."""
+    spline = lopsided_spline()
+    u = np.linspace(0.0, 1.0, 20_001)
+    fine = spline.derivative(u)
+    fine /= np.linalg.norm(fine, axis=1)[:, None]
+    off = []
+    for pieces in (100, 200, 400):
+        points = spline.points(np.linspace(0.0, 1.0, pieces + 1))
+        tangents, normals = line_frames(points)
+        assert np.abs((tangents * normals).sum(1)).max() < 1e-14
+        assert np.abs(np.linalg.norm(normals, axis=1) - 1.0).max() < 1e-14
+        start = normals[0] - normals[0] @ fine[0] * fine[0]
+        carried = naive_turn(start / np.linalg.norm(start), fine)
+        off.append(abs(angle_about(fine[-1], carried, normals[-1])))
+    assert off[0] < 0.02 and 3.0 < off[0] / off[1] and 3.0 < off[1] / off[2]
+
+
+def test_frames_survive_a_hairpin_and_a_line_along_the_thickness():
+    turned = [(0, 0, 0), (1, 0, 0), (0, 0, 0), (0, 1, 0)]
+    for points in (turned, [(0, 0, 0), (0, 0, 1), (0, 1, 1)]):
+        tangents, normals = line_frames(np.array(points, dtype=float))
+        assert np.isfinite(normals).all() and np.isfinite(tangents).all()
+        assert np.linalg.norm(normals, axis=1) == pytest.approx(1.0)
+        assert (tangents * normals).sum(1) == pytest.approx(0.0, abs=1e-12)

@@ -16,6 +16,7 @@ from knitsim.stages.calibration_tables import (
     prediction_rows,
     write_tables,
 )
+from knitsim.store.results import labels_of
 from knitsim.store.writer import describe, write
 
 FORCE = np.linspace(25.0, 300.0, 12)  # N/m
@@ -26,7 +27,7 @@ def curve(force, stiffness):
     return 0.3 * (force / stiffness) ** 0.5
 
 
-def made(names, stiffness, misfit=0.0, bends=True, pretension=0.0):
+def made(names, stiffness, misfit=0.0, bends=True, pretension=0.0, name="core"):
     """A result file in memory: strain 0.3 sqrt(force/stiffness) wale-wise, twice that course-wise.
 
     pretension (N/m): from which wale strain is predicted; it was measured from rest.
@@ -107,9 +108,10 @@ def made(names, stiffness, misfit=0.0, bends=True, pretension=0.0):
         "notes": json.dumps(["friction = 0.9: no equilibrium"] if n else []),
         "warnings": json.dumps(["the data cannot tell them apart"] if n > 1 else []),
     }
+    labels = labels_of("calibration", "jersey", "soft", calibration=name)
     return describe(
-        dataset, title="t", summary="s", references=("munden",), configuration={"name": "jersey"},
-        assumptions=[], modules=["knitsim.units"],
+        dataset, "calibration", labels, title="t", summary="s", references=("munden",),
+        configuration={"name": "jersey"}, assumptions=[], modules=["knitsim.units"],
     )  # fmt: skip
 
 
@@ -127,7 +129,7 @@ def tables(tmp_path_factory):
     files = []
     for name, given in CALIBRATIONS.items():
         files.append(folder / f"measured/jersey/{name}.nc")
-        write(made(*given), files[-1])
+        write(made(*given, name=name), files[-1])
     write_tables(files, folder / "calibration.csv", folder / "prediction.csv")
     found = []
     for name, columns in (("calibration", CALIBRATION_COLUMNS), ("prediction", PREDICTION_COLUMNS)):
@@ -241,7 +243,7 @@ def test_words_follow_the_numbers():
 
 
 def datasets():
-    return {name: made(*given) for name, given in CALIBRATIONS.items()}
+    return {name: made(*given, name=name) for name, given in CALIBRATIONS.items()}
 
 
 def lines_of(ax):
@@ -254,7 +256,8 @@ def test_a_panel_for_each_calibration_with_its_measured_points():
     shown = [ax for ax in fig.axes if ax.get_visible()]
     titles = [ax.get_title(loc="left") for ax in shown]
     assert titles == ["(a) no calibration: as given", "(b) core", "(c) both"]
-    for ax, (name, given) in zip(shown, figures.ordered(CALIBRATIONS).items(), strict=True):
+    for ax, name in zip(shown, figures.ordered(datasets()), strict=True):
+        given = CALIBRATIONS[name]
         model = max(lines_of(ax), key=lambda line: len(line.get_xdata()))
         assert model.get_xdata() == pytest.approx(100 * curve(FORCE, given[1])), name
         assert model.get_ydata() == pytest.approx(1e-3 * FORCE)

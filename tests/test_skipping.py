@@ -6,11 +6,11 @@ import pytest
 from knitsim.benchmark.skipping import measure
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
+from knitsim.equilibrium.whole_test import there_and_back
 from knitsim.stages import skipping
-from knitsim.stages.equilibrium import solver_fabric
+from knitsim.stages.equilibrium import resolution_of, solver_fabric
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.needs import SKIPS, cell_of, skips_of, solves_recovery, stores_fibres
-from knitsim.stages.reversible import there_and_back
 from knitsim.study.study import load_study
 
 
@@ -21,7 +21,7 @@ def cotton():
 
 @pytest.mark.parametrize("what", SKIPS)
 def test_a_skip_changes_no_more_than_its_tolerance(cotton, what):
-    measured = skipping.MEASURES[what](cotton)
+    measured = skipping.MEASURES[what](cotton, resolution_of(cotton))
     assert measured.within, measured
     assert 0.0 < measured.tolerance <= (5e-3 if what == "full cell" else 5e-6)
     assert measured.what == what
@@ -31,7 +31,7 @@ def test_the_table_names_every_skip_of_the_scene(cotton, monkeypatch):
     calls = []
 
     def fake(what):
-        def call(fabric):
+        def call(fabric, resolution):
             calls.append(what)
             return measure(what, "nothing", lambda: [1.0], lambda: [1.0], 1e-6)
 

@@ -1,5 +1,6 @@
 """Bending in the stages: conditions, stored states, KES and curl tables, yarn to fabric."""
 
+import copy
 import csv
 import json
 from types import SimpleNamespace
@@ -9,15 +10,18 @@ import pytest
 import xarray as xr
 import yaml
 
+from knitsim.equilibrium.bend import bent_strain
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
 from knitsim.kes import rigidity as short
+from knitsim.kes.curl import rolls_to
 from knitsim.loop.repeat import rolled
 from knitsim.stages import equilibrium_bending as bending
 from knitsim.stages import kes, vtk_states, yarn_to_fabric
-from knitsim.stages.equilibrium import resolution_of, solver_fabric
-from knitsim.stages.kes_table import curl_table, kes_table, rolls_to
+from knitsim.stages.equilibrium import resolution_of, settings_of, solver_fabric
+from knitsim.stages.kes_table import curl_table, kes_table
 from knitsim.stages.laws import laws_of
+from knitsim.store.results import labels_of
 from knitsim.store.writer import write
 from knitsim.study.study import load_study
 from knitsim.verification.judge import integral
@@ -83,9 +87,9 @@ def test_yarn_strain_is_that_of_the_bent_positions(axis):
     fine[:, axis] = 0.0
     bent = rolled(fine, kappa, along, axis)
     true = np.linalg.norm(np.diff(bent, axis=0), axis=1).sum()
-    strain = bending.yarn_strain(flat, kappa, axis, length)
+    strain = bent_strain(flat, kappa, axis, length)
     assert strain.mean() == pytest.approx(true / length - 1, abs=2e-6)
-    assert abs(bending.yarn_strain(flat, 0.0, axis, length).mean() - strain.mean()) > 1e-4
+    assert abs(bent_strain(flat, 0.0, axis, length).mean() - strain.mean()) > 1e-4
 
 
 def test_stored_states_are_those_of_the_test(tested):
@@ -137,10 +141,12 @@ def test_too_tight_cylinders_are_refused_by_their_key(tmp_path, tested):
         variants = {"free": {}, "tight": {"max_curvature_per_cm": 20.0}}
         made(tmp_path, equilibrium_rest={}, equilibrium_bending={"variants": variants})
     fabric, laws, _ = tested
-    choice = {"spacings": "free", "max_curvature": 1700.0}
+    tight = copy.copy(fabric)
+    tight.scene = copy.deepcopy(fabric.scene)
+    tight.scene["equilibrium_bending"]["variants"]["free"]["max_curvature"] = 1700.0
     relaxed = relax(solver_fabric(fabric, laws["continuous"]), resolution_of(fabric))
     with pytest.raises(InputError, match=r"variants\.free\.max_curvature_per_cm = 17: .*too thick"):
-        bending.bent(fabric, relaxed, "wale", [1700.0], choice, "free")
+        bending.bent(tight, relaxed, "wale", "free", settings_of(fabric))
 
 
 def test_hysteresis_of_the_yarn_counts_where_there_is_friction(tested):
@@ -148,14 +154,15 @@ def test_hysteresis_of_the_yarn_counts_where_there_is_friction(tested):
     lagging = fabric.with_value("yarn.bending_hysteresis_mN_mm", 0.7)
     for friction, lag in ((True, 0.7e-6), (False, 0.0)):
         choice = {"friction": friction, "set": 0.2}
-        built = bending._relaxed(lagging, laws["continuous"], choice).model.fabric
+        relaxed = bending._relaxed(lagging, laws["continuous"], choice, settings_of(lagging))
+        built = relaxed.model.fabric
         assert built.bending_hysteresis == pytest.approx(lag)
         assert (built.friction > 0) == friction and built.set_fraction == 0.2
 
 
 def test_vtk_shows_each_curvature_once(tested, tmp_path):
     _, _, dataset = tested
-    states = list(vtk_states._states(dataset, 1))
+    states = list(vtk_states._states(dataset))
     shown = [fields["curvature"] for _, _, fields, _ in states]
     assert sorted(shown) == pytest.approx(np.arange(-250.0, 251.0, 50.0))
 
@@ -163,7 +170,7 @@ def test_vtk_shows_each_curvature_once(tested, tmp_path):
 # Tables
 
 
-def ideal(offset, rigidity, half_width, most=250.0, error=0.0):
+def ideal(direction, offset, rigidity, half_width, most=250.0, error=0.0):
     """Dataset of a test whose moment is offset + rigidity curvature +- half_width."""
     x = most * np.concatenate(
         [np.linspace(0, 1, 11), np.linspace(1, -1, 21)[1:], np.linspace(-1, 0, 11)[1:]]
@@ -180,14 +187,18 @@ def ideal(offset, rigidity, half_width, most=250.0, error=0.0):
             "curvature": (("variant", "step"), [x]),
             "cycle": (("variant", "step"), [np.ones(41, dtype=int)]),
         },
-        {"configuration": json.dumps({"name": "f"}), "assumptions": "[]"},
+        {
+            **labels_of("equilibrium_bending", "f", "y", direction=direction),
+            "configuration": json.dumps({"name": "f"}),
+            "assumptions": "[]",
+        },
     )
 
 
 def stored(tmp_path, direction, **values):
     path = tmp_path / "bending" / "f" / f"equilibrium_{direction}.nc"
     path.parent.mkdir(parents=True, exist_ok=True)
-    ideal(**values).to_netcdf(path, engine="netcdf4")
+    ideal(direction, **values).to_netcdf(path, engine="netcdf4")
     return path
 
 
@@ -198,7 +209,7 @@ def read(path):
 
 def test_kes_table_gives_rigidity_and_hysteresis_of_an_ideal_curve(tmp_path):
     path = stored(tmp_path, "wale", offset=8e-4, rigidity=5e-6, half_width=2e-4)
-    write(kes.run("f", [path]), tmp_path / "kes.nc")
+    write(kes.run([path]), tmp_path / "kes.nc")
     kes_table([tmp_path / "kes.nc"], tmp_path / "kes.csv")
     rows = {row["name"]: row for row in read(tmp_path / "kes.csv")}
     labels = {rows["B"][name] for name in ("fabric", "test", "model", "direction", "variant")}
@@ -214,10 +225,12 @@ def test_kes_table_gives_rigidity_and_hysteresis_of_an_ideal_curve(tmp_path):
 
 
 def test_curl_table_names_side_and_curvature(tmp_path):
+    other = tmp_path / "loop.nc"
+    xr.Dataset(attrs=labels_of("loop", "f", "y")).to_netcdf(other, engine="netcdf4")
     paths = [
         stored(tmp_path, "wale", offset=1e-3, rigidity=5e-6, half_width=0.0, error=0.01),
         stored(tmp_path, "course", offset=-4e-3, rigidity=5e-6, half_width=0.0, error=0.01),
-        tmp_path / "loop" / "f.nc",
+        other,
     ]
     curl_table(paths, tmp_path / "curl.csv")
     wale, course = read(tmp_path / "curl.csv")

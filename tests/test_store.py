@@ -16,23 +16,25 @@ from knitsim.errors import InputError
 from knitsim.files import replacing
 from knitsim.store import tensile as tensile_datasets
 from knitsim.store.reader import open_store, scalar_table
+from knitsim.store.results import LABELS, labels_of, path_of
 from knitsim.store.schema import COORDINATES, REFERENCES, VARIABLES
 from knitsim.store.timing import Timings, write_csv
 from knitsim.store.writer import describe, to_json, write
 
 REQUIRED = (
     "title", "summary", "source", "references", "Conventions", "schema_version",
-    "knitsim_version", "source_hash", "configuration", "assumptions",
+    "knitsim_version", "source_hash", "configuration", "assumptions", "keywords", "license",
+    "creator_name", "id", "naming_authority",
 )  # fmt: skip
 
 
-def described(dataset, **changes):
+def described(dataset, stage="loop", fabric="f", yarn="y", labels=None, **changes):
     given = {
         "title": "A test", "summary": "Made by a test.", "references": ("paper", "wang"),
         "configuration": {"name": "f", "b": [1.5, 2], "a": "µ"}, "assumptions": [{"key": "k"}],
-        "modules": ["knitsim.stages.loop"],
     }  # fmt: skip
-    return describe(dataset, **(given | changes))
+    about = labels_of(stage, fabric, yarn, **(labels or {}))
+    return describe(dataset, stage, about, **(given | changes))
 
 
 def tensile(steps=70, points=25, scale=1.0, seed=3):
@@ -61,7 +63,14 @@ def test_a_file_says_what_it_holds(tmp_path):
         for name in REQUIRED:
             assert file.getncattr(name)
         assert file.Conventions == "CF-1.11, ACDD-1.3"
-        assert file.source == f"knitsim {knitsim.__version__}"
+        assert file.source == file.creator_name == f"knitsim {knitsim.__version__}"
+        said = {name: file.getncattr(name) for name in LABELS}
+        assert said == {
+            "kind": "loop", "yarn": "y", "fabric": "f", "pattern": "jersey", "model": "kinematic",
+            "direction": "", "calibration": "",
+        }  # fmt: skip
+        assert "jersey" in file.keywords.split(", ")
+        assert file.id.startswith("loop/f-")
         assert json.loads(file.configuration) == {"a": "µ", "b": [1.5, 2], "name": "f"}
         assert json.loads(file.assumptions) == [{"key": "k"}]
         assert file.references == "; ".join(REFERENCES[key] for key in ("paper", "wang"))
@@ -118,6 +127,17 @@ def test_writing_leaves_the_callers_dataset_alone(tmp_path):
     xr.testing.assert_identical(dataset, before)
 
 
+def test_an_id_is_that_of_its_input_and_stage():
+    one = described(tensile()).attrs["id"]
+    assert one == described(tensile(seed=4)).attrs["id"]
+    others = [
+        described(tensile(), configuration={"name": "f"}),
+        described(tensile(), "equilibrium_rest"),
+        described(tensile(), fabric="g"),
+    ]
+    assert len({one, *(other.attrs["id"] for other in others)}) == 4
+
+
 def test_equal_datasets_give_equal_bytes(tmp_path):
     for name in ("one", "two"):
         write(described(tensile()), tmp_path / f"{name}.nc")
@@ -143,7 +163,7 @@ def test_equal_datasets_give_equal_bytes(tmp_path):
                 ),
                 f"attribute {name} is missing",
             )
-            for name in ("title", "source_hash", "configuration", "assumptions")
+            for name in ("kind", "fabric", "title", "source_hash", "configuration", "assumptions")
         ),
     ],
 )
@@ -194,47 +214,58 @@ def test_csv_is_whole_or_not_at_all(tmp_path):
 
 
 def test_run_times_are_medians_of_what_was_called(tmp_path):
-    timings, calls = Timings("stage", "subject"), []
-    with timings.measure("a block", note="cold"):
+    timings, calls = Timings("stage", "subject", "wale"), []
+    with timings.measure("a block", note="cold", whole=True):
         pass
     assert timings.repeat("a call", lambda: calls.append(1) or 7, budget=0.0) == 7
     assert len(calls) == 2  # one not counted
     timings.write(tmp_path / "t.csv")
     with (tmp_path / "t.csv").open(newline="", encoding="utf-8") as file:
         first, second = csv.DictReader(file)
-    for row, name, repeats, note in (
-        (first, "a block", "1", "cold"), (second, "a call", "1", "median, compiled")
+    for row, name, repeats, note, whole in (
+        (first, "a block", "1", "cold", "yes"), (second, "a call", "1", "median, compiled", "")
     ):  # fmt: skip
         assert float(row.pop("value")) >= 0 and row.pop("machine")
         assert row == {
-            "stage": "stage", "subject": "subject", "name": name, "units": "s",
-            "repeats": repeats, "note": note,
+            "stage": "stage", "subject": "subject", "direction": "wale", "name": name, "units": "s",
+            "repeats": repeats, "note": note, "whole_test": whole,
         }  # fmt: skip
 
 
 # Reading
 
+SWEPT = "plain_loop_length_mm=5.5"
+# What is in a file is said by its attributes: path, stage, about what, and a value.
 SHELF = {
-    "yarn/thin.nc": {"linear_density": 2e-5},
-    "loop/plain.nc": {"loop_length": 5e-3, "centreline": None},
-    "loop/plain_loop_length_mm=5.5.nc": {"loop_length": 5.5e-3},
-    "relaxed/plain.nc": {"loop_length": 5e-3},
-    "tensile/plain/kinematic_course.nc": {"diameter": 1e-4},
-    "tensile/plain/kinematic_wale.nc": {"diameter": 2e-4},
-    "tensile/plain/equilibrium_course.nc": {"diameter": 3e-4},
-    "tensile/plain_loop_length_mm=5.5/kinematic_course.nc": {"diameter": 4e-4},
-    "bending/plain/kinematic_course.nc": {"diameter": 5e-4},
-    "verification/rods.nc": {"diameter": 6e-4},
-}
+    "yarn/thin.nc": ("yarn", "", {}, {"linear_density": 2e-5}),
+    "loop/plain.nc": ("loop", "plain", {}, {"loop_length": 5e-3, "centreline": None}),
+    f"loop/{SWEPT}.nc": ("loop", SWEPT, {}, {"loop_length": 5.5e-3}),
+    "relaxed/plain.nc": ("equilibrium_rest", "plain", {}, {"loop_length": 5e-3}),
+    **{
+        f"tensile/{fabric}/{model}_{direction}.nc": (
+            f"{model}_tension", fabric, {"direction": direction}, {"diameter": diameter}
+        )
+        for fabric, model, direction, diameter in (
+            ("plain", "kinematic", "course", 1e-4), ("plain", "kinematic", "wale", 2e-4),
+            ("plain", "equilibrium", "course", 3e-4), (SWEPT, "kinematic", "course", 4e-4),
+        )
+    },
+    "bending/plain/kinematic_course.nc": (
+        "kinematic_bending", "plain", {"direction": "course"}, {"diameter": 5e-4}
+    ),
+    "verification/cases.nc": ("verification", "", {}, {"diameter": 6e-4}),
+}  # fmt: skip
 
 
 @pytest.fixture
 def store(tmp_path):
-    for path, values in SHELF.items():
+    for path, (stage, fabric, labels, values) in SHELF.items():
         values = dict(values)
         if "centreline" in values:
-            values["centreline"] = (("point", "axis"), np.ones((4, 3)))
-        write(described(xr.Dataset(values)), tmp_path / path)
+            values["centreline"] = (("loop", "point", "axis"), np.ones((1, 4, 3)))
+        yarn = "" if stage == "verification" else "thin"
+        assert path_of(stage, fabric=fabric, yarn=yarn, **labels) == path
+        write(described(xr.Dataset(values), stage, fabric, yarn, labels), tmp_path / path)
     tables = tmp_path / "tables"
     tables.mkdir()
     (tables / "timing.csv").write_text("stage,name,value,units\nloop,all,1.5,s\n")
@@ -249,9 +280,10 @@ def store(tmp_path):
     [
         ({}, set(SHELF)),
         ({"kind": "loop"}, {"loop/plain.nc", "loop/plain_loop_length_mm=5.5.nc"}),
-        ({"yarn": "thin"}, {"yarn/thin.nc"}),
+        ({"yarn": "thin"}, set(SHELF) - {"verification/cases.nc"}),
+        ({"yarn": "thin", "pattern": "jersey"}, {path for path in SHELF if "plain" in path}),
         ({"fabric": "plain"}, {path for path in SHELF if "/plain/" in path or "/plain.nc" in path}),
-        ({"model": "equilibrium"}, {"tensile/plain/equilibrium_course.nc"}),
+        ({"model": "equilibrium", "kind": "tensile"}, {"tensile/plain/equilibrium_course.nc"}),
         (
             {"fabric": "plain", "model": "kinematic", "direction": "course"},
             {"tensile/plain/kinematic_course.nc", "bending/plain/kinematic_course.nc"},
@@ -260,7 +292,7 @@ def store(tmp_path):
             {"fabric": "plain_loop_length_mm=5.5", "kind": "tensile"},
             {"tensile/plain_loop_length_mm=5.5/kinematic_course.nc"},
         ),
-        ({"kind": "verification"}, {"verification/rods.nc"}),
+        ({"kind": "verification"}, {"verification/cases.nc"}),
     ],
 )
 def test_open_store_selects_by_label(store, labels, expected):
@@ -269,7 +301,7 @@ def test_open_store_selects_by_label(store, labels, expected):
         assert found == {path.removesuffix(".nc") for path in expected}
         for path in expected:
             dataset = tree[path.removesuffix(".nc")].dataset
-            for name, value in SHELF[path].items():
+            for name, value in SHELF[path][-1].items():
                 if value is not None:
                     assert dataset[name].item() == value
             assert dataset.attrs["title"] == "A test"
@@ -301,7 +333,8 @@ def test_open_store_of_nothing_says_so(tmp_path, folder):
 def test_open_store_reads_when_asked_and_not_before(tmp_path):
     size = 2_000_000
     values = np.zeros(size)
-    write(described(xr.Dataset({"curve_tension": ("sample", values)})), tmp_path / "yarn/big.nc")
+    big = described(xr.Dataset({"curve_tension": ("sample", values)}), "yarn", "", "big")
+    write(big, tmp_path / "yarn/big.nc")
     with open_store(tmp_path) as warm:  # imports and caches of the first call are not counted
         assert warm["yarn/big"].dataset.sizes == {"sample": size}
     tracemalloc.start()
@@ -341,8 +374,9 @@ def test_open_store_closes_its_files(store):
 
 def test_scalar_table_is_tidy(store):
     table = scalar_table(store)
-    assert list(table.columns)[:9] == [
-        "kind", "yarn", "fabric", "model", "direction", "variant", "name", "value", "units"
+    assert list(table.columns)[:11] == [
+        "kind", "yarn", "fabric", "pattern", "model", "direction", "calibration", "variant", "name",
+        "value", "units",
     ]  # fmt: skip
     # A variable along points is no scalar, and a table without name and value has none.
     assert len(table) == len(SHELF) + 1
@@ -370,7 +404,8 @@ def test_scalar_table_names_variants_and_quantities_with_their_units(tmp_path):
             "step": [0, 1],
         },
     )
-    write(described(dataset), tmp_path / "tensile/f/kinematic_wale.nc")
+    labels = {"direction": "wale"}
+    write(described(dataset, "kinematic_tension", labels=labels), tmp_path / "some/where.nc")
     table = scalar_table(tmp_path).set_index("name")
     assert len(table) == 4
     angle = table.loc["frame_closure_angle"].set_index("variant")

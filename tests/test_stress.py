@@ -278,4 +278,4 @@ def test_map_shows_every_case(monkeypatch):
     # Tension and bending maps share the cases between them.
     pulled, bends = (sum(len(c.get_offsets()) for c in fig.axes[k].collections) for k in (2, 3))
     assert pulled + bends == shown
-    assert [ax.get_title(loc="left")[0] for ax in fig.axes] == list("abcdef")
+    assert [ax.get_title(loc="left")[1] for ax in fig.axes] == list("abcdef")

@@ -23,6 +23,7 @@ APART = {
         "kinematic",
         "equilibrium",
         "kes",
+        "study",
         "inference",
         "verification",
         "benchmark",

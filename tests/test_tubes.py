@@ -10,7 +10,13 @@ import pytest
 from knitsim.errors import InputError
 from knitsim.figures import style
 from knitsim.figures import tubes_kernels as kernels
-from knitsim.figures.tubes import draw_tubes, fabric_polylines, render_tubes, view_of
+from knitsim.figures.tubes import (
+    _carry_frames,
+    draw_tubes,
+    fabric_polylines,
+    render_tubes,
+    view_of,
+)
 
 MM = 1e-3
 
@@ -110,7 +116,7 @@ def ring(segments, radius=40.0, tube=10.0):
     nodes = np.zeros((segments + 1, kernels.NODE_WIDTH))
     nodes[:, 0], nodes[:, 1] = 50 + radius * np.cos(angle), 10 + radius * np.sin(angle)
     nodes[:, kernels.RADIUS] = tube
-    kernels.carry_frames(nodes, np.array([0, segments + 1]))
+    _carry_frames(nodes, np.array([0, segments + 1]))
     return nodes
 
 
@@ -147,14 +153,6 @@ def test_frames_are_square_to_the_yarn_and_do_not_turn_in_a_plane():
     assert np.ptp(out_of_plane) < 1e-13
     chords = np.linalg.norm(np.diff(nodes[:, :3], axis=0), axis=1)
     assert nodes[:, kernels.ARC] == pytest.approx(np.r_[0.0, np.cumsum(chords)], rel=1e-14)
-
-
-def test_frames_survive_a_hairpin():
-    nodes = np.zeros((4, kernels.NODE_WIDTH))
-    nodes[:, :3] = [(0, 0, 0), (1, 0, 0), (0, 0, 0), (0, 1, 0)]
-    kernels.carry_frames(nodes, np.array([0, 4]))
-    assert np.isfinite(nodes).all()
-    assert np.linalg.norm(nodes[:, 9:12], axis=1) == pytest.approx(1.0)
 
 
 def test_edge_of_a_shadow_is_a_box_three_cells_wide():
@@ -356,7 +354,8 @@ def test_what_cannot_be_drawn_is_refused_by_name(arguments, options, named):
 
 
 def wave(count=20):
-    t = 2 * np.pi * np.arange(count) / count
+    """A loop whose last point is the first of the next one."""
+    t = 2 * np.pi * np.arange(count + 1) / count
     return np.stack([0.2 * t, np.cos(t), 0.3 * np.sin(t)], axis=1) * MM
 
 
@@ -369,16 +368,31 @@ def test_fabric_is_the_loop_and_its_images():
     for j, course in enumerate(fabric.polylines):
         for i in range(3):
             image = wave() + np.array([i * W + j * 0.1 * MM, j * C, 0.0])
-            assert course[20 * i : 20 * i + 20] == pytest.approx(image, abs=1e-18)
-        assert course[-1] - course[0] == pytest.approx([3 * W, 0, 0], abs=1e-18)
+            assert course[20 * i : 20 * i + 21] == pytest.approx(image, abs=1e-15)
+        assert course[-1] - course[0] == pytest.approx([3 * W, 0, 0], abs=1e-15)
 
 
-def test_fabric_drops_a_closing_point_and_can_be_centred():
-    closed = np.concatenate([wave(), wave()[:1] + np.array([W, 0, 0])])
-    open_, with_end = (fabric_polylines(p, W, C, 3, 3, centred=True) for p in (wave(), closed))
-    for a, b in zip(open_.polylines, with_end.polylines, strict=True):
-        assert (a == b).all()
-    points = np.concatenate(open_.polylines)
+def test_a_cell_of_several_loops_is_repeated_with_all_of_them():
+    """Two wales by two courses, each loop unlike the others: where each of them comes to lie."""
+    place = [(i, j) for j in range(2) for i in range(2)]
+    heights = np.array([0.0, 0.1, 0.2, 0.3]) * MM
+    loops = np.array([
+        wave() + [i * W, j * C, height] for (i, j), height in zip(place, heights, strict=True)
+    ])  # fmt: skip
+    colours = np.broadcast_to(np.linspace(0.1, 0.9, 4)[:, None, None], loops.shape)
+    fabric = fabric_polylines(loops, W, C, 5, 3, courses=2, slant=0.1 * MM, colours=colours)
+    for j, (course, shades) in enumerate(zip(fabric.polylines, fabric.colours, strict=True)):
+        for i in range(5):
+            own, lean = place.index((i % 2, j % 2)), (j // 2) * 2 * 0.1 * MM
+            image = wave() + np.array([i * W + lean, j * C, heights[own]])
+            # The last point of a loop is drawn as the first of the next one.
+            assert course[20 * i : 20 * i + 20] == pytest.approx(image[:-1], abs=1e-15)
+            assert (shades[20 * i : 20 * i + 20] == colours[own, :-1]).all()
+
+
+def test_fabric_can_be_centred():
+    fabric = fabric_polylines(wave(), W, C, 3, 3, centred=True)
+    points = np.concatenate(fabric.polylines)
     assert (points.min(0) + points.max(0))[:2] == pytest.approx([0, 0], abs=1e-15)
     assert points[0, 2] == wave()[0, 2]
 
@@ -386,12 +400,9 @@ def test_fabric_drops_a_closing_point_and_can_be_centred():
 def test_colours_of_fabric():
     by_course = fabric_polylines(wave(), W, C, 2, 3).colours
     assert (by_course[0] == by_course[2]).all() and not (by_course[0] == by_course[1]).any()
-    centre = fabric_polylines(wave(), W, C, 3, 3, colours="centre").colours
-    marked = [(c != centre[0][0]).any(1).sum() for c in centre]
-    assert marked == [0, 21, 0] and (centre[1][20] != centre[0][0]).any()
-    own = np.linspace(0, 1, 60).reshape(20, 3)
+    own = np.linspace(0, 1, 63).reshape(21, 3)
     for shown in fabric_polylines(wave(), W, C, 2, 2, colours=own).colours:
-        assert (shown == np.concatenate([own, own, own[:1]])).all()
+        assert (shown == np.concatenate([own[:-1], own])).all()
     with pytest.raises(InputError, match="colours"):
         fabric_polylines(wave(), W, C, colours=own[:7])
 
@@ -399,7 +410,7 @@ def test_colours_of_fabric():
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        ({"centreline": wave()[:2]}, "centreline"),
+        ({"loops": wave()[:2]}, "loops"),
         ({"wale_spacing": 0.0}, "wale_spacing"),
         ({"course_spacing": math.nan}, "course_spacing"),
         ({"loops_wide": 0}, "loops_wide"),
@@ -408,9 +419,7 @@ def test_colours_of_fabric():
 )
 def test_fabric_refuses_by_name(change, named):
     with pytest.raises(InputError, match=named):
-        fabric_polylines(
-            **({"centreline": wave(), "wale_spacing": W, "course_spacing": C} | change)
-        )
+        fabric_polylines(**({"loops": wave(), "wale_spacing": W, "course_spacing": C} | change))
 
 
 def test_axes_are_in_millimetres_and_named_after_the_view():

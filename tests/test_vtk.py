@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from knitsim.errors import InputError
-from knitsim.store.vtk import tube_surface, write_series, write_yarns
+from knitsim.figures.vtk import tube_surface, write_series, write_yarns
 
 MM = 1e-3
 KINDS = {"Float32": "<f4", "Float64": "<f8", "Int32": "<i4", "UInt8": "<u1"}

@@ -19,6 +19,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from knitsim.store.results import LABELS, RESULTS, path_of
+
 ROOT = Path(__file__).resolve().parents[1]
 STUDY = "config/small"
 # A sweep of two fabrics with one test in one direction, beside the fabric of the small study.
@@ -243,10 +245,11 @@ def test_lint(finished):
 
 ATTRIBUTES = {
     "title", "summary", "source", "references", "Conventions", "schema_version", "knitsim_version",
-    "source_hash", "configuration", "assumptions",
+    "source_hash", "configuration", "assumptions", "kind", "yarn", "fabric", "pattern", "model",
+    "direction", "keywords", "license", "creator_name", "id",
 }  # fmt: skip
 STATES = ("variant", "step")
-LINE = (*STATES, "point", "axis")
+LINE = (*STATES, "loop", "point", "axis")
 TENSILE = {
     "force_per_loop": (STATES, "N"), "force_per_width": (STATES, "N m-1"),
     "yarn_tension": (STATES, "N"), "yarn_strain": (STATES, "1"),
@@ -278,7 +281,8 @@ CONTRACT = {
         "yarn_rigidity": ((), "N m2"), "swept_loop_length": (("row",), "m"),
     },
     "loop/small.nc": {
-        "centreline": (("point", "axis"), "m"), "fibre_point": (("section", "fibre", "axis"), "m"),
+        "centreline": (("loop", "point", "axis"), "m"),
+        "fibre_point": (("section", "fibre", "axis"), "m"),
         "tangent": (("section", "axis"), "1"), "wale_spacing": ((), "m"), "loop_length": ((), "m"),
         "over": (("crossing",), None), "tightness_factor": ((), "tex0.5 cm-1"),
     },
@@ -288,7 +292,7 @@ CONTRACT = {
         "linear_density": ((), "kg m-1"),
     },
 }  # fmt: skip
-LABELS = {
+VALUES = {
     "axis": ["course", "wale", "thickness"], "term": ["stretch", "bend", "contact", "friction"]
 }  # fmt: skip
 
@@ -320,7 +324,15 @@ def test_every_file_describes_itself(finished):
             assert set(dataset.attrs) >= ATTRIBUTES, path
             assert not any("date" in name or name == "history" for name in dataset.attrs), path
             configuration = json.loads(dataset.attrs["configuration"])
-            assert configuration["name"] in path.relative_to(finished.results).as_posix()
+            # The one table says where a file lies, and the file what it is.
+            place, said = path.relative_to(finished.results).as_posix(), dataset.attrs
+            [stage] = [
+                one.stage for one in RESULTS.values()
+                if (one.kind, one.model) == (said["kind"], said["model"])
+            ]  # fmt: skip
+            assert place == path_of(stage, **{name: said[name] for name in LABELS})
+            assert configuration["name"] in (said["fabric"], said["yarn"], said["kind"])
+            assert bool(said["fabric"]) == (said["pattern"] == "jersey")
             assumed = {row["key"]: row for row in json.loads(dataset.attrs["assumptions"])}
             assert all(row["because"] for row in assumed.values())
             if path.parts[-2] == "loop":
@@ -332,8 +344,8 @@ def test_every_file_describes_itself(finished):
                 if "flag_meanings" in variable.attrs:
                     known = set(variable.attrs["flag_values"])
                     assert set(np.unique(variable.values)) <= known, f"{path}: {name}"
-            for name in set(LABELS) & set(dataset.coords):
-                assert dataset[name].values.tolist() == LABELS[name]
+            for name in set(VALUES) & set(dataset.coords):
+                assert dataset[name].values.tolist() == VALUES[name]
 
 
 # What a change makes run again
@@ -431,8 +443,8 @@ def test_an_edited_figure_module_reruns_figures_only(edited, every_job):
 
 
 def test_an_edited_script_reruns_its_rule(edited, every_job):
-    own = {job for job in every_job if job.rule == "loop"}
-    assert edited("workflow/scripts/loop.py") == below(every_job, own)
+    own = {job for job in every_job if job.rule == "kes"}
+    assert edited("workflow/scripts/kes.py") == below(every_job, own)
 
 
 # Interruptions

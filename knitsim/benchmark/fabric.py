@@ -42,7 +42,7 @@ _CONSTANTS = {
 class Knobs:
     """Every setting of the solver that bears on error or run time; the defaults are the solver's.
 
-    points, contacts: per loop, contacts None for the rule of the contact law; cell: ``quarter`` or
+    points, contacts: per loop, contacts None for the rule of the contact law; cell: ``symmetric`` or
     ``full``; increment: of strain in one solved step with friction; turn: of curvature (1/m)
     likewise; step, arc: of strain and of curvature (1/m) without friction; tolerance: of the
     residual, over B/d2.
@@ -50,7 +50,7 @@ class Knobs:
 
     points: int = Resolution().points
     contacts: int | None = None
-    cell: str = "quarter"
+    cell: str = "symmetric"
     increment: float = tension.FRICTION_INCREMENT
     turn: float = bending.FRICTION_INCREMENT
     step: float = tension.INCREMENT
@@ -65,7 +65,7 @@ class Knobs:
     def name(self):
         """The points and contacts, and in words what else is not the default."""
         words = [f"{self.points} points, {self.resolution.contacts_for(COTTON)} contacts"]
-        if self.cell != "quarter":
+        if self.cell != "symmetric":
             words.append(f"{self.cell} cell")
         for knob in ("tolerance", *_OF_THE_PATH):
             if getattr(self, knob) != getattr(DEFAULT, knob):

@@ -78,9 +78,51 @@ def _at_resolution(relaxed, resolution):
     return handled(state, relaxed.history)
 
 
-def fine_relaxed(relaxed):
-    """The relaxed state at twice the resolution, started from the same shape."""
-    return at_resolution(relaxed, relaxed.model.resolution.refined(relaxed.model.fabric))
+def rest_to(relaxed, accuracy=None):
+    """The state at rest with its spacings to an accuracy, and their estimated relative error.
+
+    accuracy: None for the resolution that it has.  The error is NaN where no other resolution comes to
+    rest.  Raises InputError for an accuracy out of range.
+    """
+    model = relaxed.model
+    if accuracy is None:
+        return relaxed, _apart(relaxed, coarser(model.resolution, model.fabric))
+    error = np.nan
+    for rung in range(1, len(LADDER)):
+        below, resolution = (
+            resolution_at(model.fabric, n, model.resolution) for n in (rung - 1, rung)
+        )
+        try:
+            finer = at_resolution(relaxed, resolution)
+        except ComputationError:
+            continue
+        error, found = _apart(finer, below), finer
+        if error <= _checked(accuracy):
+            return found, error
+    return relaxed if np.isnan(error) else found, error
+
+
+def _apart(relaxed, resolution):
+    """Estimated relative error of the relaxed spacings, by a coarser resolution."""
+    try:
+        other = at_resolution(relaxed, resolution)
+    except ComputationError:
+        return np.nan
+    return _part(relaxed.model) * max(
+        abs(other.wale_spacing / relaxed.wale_spacing - 1.0),
+        abs(other.course_spacing / relaxed.course_spacing - 1.0),
+    )
+
+
+def _part(model):
+    """Which part of the change from the coarser resolution the error is at most."""
+    return LACKING if model.cell.points >= SETTLED else 1.0
+
+
+def _checked(accuracy):
+    if not TIGHTEST <= accuracy <= LOOSEST:
+        raise InputError("accuracy", accuracy, f"must be between {TIGHTEST:g} and {LOOSEST:g}")
+    return accuracy
 
 
 def solved(relaxed, run, increment, accuracy=None, estimate_error=False):
@@ -100,9 +142,8 @@ def solved(relaxed, run, increment, accuracy=None, estimate_error=False):
             return _fine(run, relaxed, increment)[0]
         rungs = [coarser(model.resolution, model.fabric), model.resolution]
         accuracy = np.inf
-    elif not TIGHTEST <= accuracy <= LOOSEST:
-        raise InputError("accuracy", accuracy, f"must be between {TIGHTEST:g} and {LOOSEST:g}")
     else:
+        _checked(accuracy)
         rungs = [resolution_at(model.fabric, n, model.resolution) for n in range(len(LADDER))]
     coarse, steps, failure, found = None, None, None, None
     for resolution in rungs:
@@ -125,6 +166,7 @@ def solved(relaxed, run, increment, accuracy=None, estimate_error=False):
 def _fine(run, start, increment):
     """The test, and where it started, with as many contact points as its states need."""
     curve = run(start, increment)
+    curve = curve.replaced(increment=increment) if start.model.rub else curve
     while curve.ended == TOO_CLOSE and start.model.cell.contacts * DENSER <= MOST_CONTACTS:
         contacts = 4 * int(np.ceil(start.model.cell.contacts * DENSER / 4.0))
         start = at_resolution(start, replace(start.model.resolution, contacts=contacts))
@@ -156,8 +198,7 @@ def _stepped(start, run, increment, curve, accuracy):
 
 def _with_errors(curve, coarse, steps):
     """The curve with its errors: by a coarser solution, and by a pair in steps of two lengths."""
-    settled = LACKING if curve.model.cell.points >= SETTLED else 1.0
-    pairs = [] if coarse is None else [(settled, curve, coarse)]
+    pairs = [] if coarse is None else [(_part(curve.model), curve, coarse)]
     pairs += [] if steps is None else [(1.0, *steps)]
     if not pairs:
         return curve

@@ -7,7 +7,7 @@ import numpy as np
 
 from knitsim.equilibrium.cell import placed
 from knitsim.equilibrium.kernels.yarn import stretch_at
-from knitsim.equilibrium.model import Model, centreline
+from knitsim.equilibrium.model import Model, centrelines
 from knitsim.equilibrium.relax import Relaxed, is_intact
 from knitsim.loop.repeat import rolled
 
@@ -26,7 +26,8 @@ class States:
     residual (N); iterations of Newton's method and increments since the last row.  start: the fabric at
     rest that the test began with.  y (steps, unknowns):
     the states themselves.  memory: what friction remembers at the end.  stop_reason: not empty where a
-    test ends early; it then has fewer rows; ended: the status of the solver that says so.
+    test ends early; it then has fewer rows; ended: the status of the solver that says so.  increment:
+    largest change, of what is asked for, in one solved step with friction; NaN without.
     numerical_error (1): estimated error of the force or moment over max(|it|, 1 % of the largest); NaN
     where it was not asked for or not found.
     """
@@ -47,6 +48,7 @@ class States:
     memory: tuple = field(default=(), repr=False)
     stop_reason: str = ""
     ended: int = 0
+    increment: float = np.nan
     numerical_error: np.ndarray
 
     @property
@@ -71,9 +73,43 @@ class States:
         return np.array([is_intact(self.model, y) for y in self.y], dtype=bool)
 
     @property
+    def centrelines(self):
+        """Points of every loop of the cell in every state, (steps, loops, points, 3), m."""
+        return np.array([centrelines(self.model, y) for y in self.y])
+
+    @property
     def centreline(self):
-        """Points of one loop in every state, (steps, points, 3), m."""
-        return np.array([centreline(self.model, y) for y in self.y])
+        """Points of the first loop in every state, (steps, points, 3), m."""
+        return self.centrelines[:, 0]
+
+    @property
+    def yarn_strain(self):
+        """Mean strain of the yarn over the cell."""
+        return self._yarn[0]
+
+    @property
+    def yarn_tension(self):
+        """Mean tension of the yarn over the cell (N)."""
+        return self._yarn[1]
+
+    @functools.cached_property
+    def _yarn(self):
+        rod, stretch = self.model.scene.rod, self.model.scene.stretch
+        parts = rod.weight / rod.weight.sum()
+        strain, tension = np.empty(self.steps), np.empty(self.steps)
+        for i, y in enumerate(self.y):
+            x = placed(self.model.cell.map, y)[rod.first[:, None] + np.arange(4)]
+            along, place = (np.einsum("ma,mak->mk", d, x) for d in (rod.d1, rod.d0))
+            along[:, self._bent[0]] *= 1.0 + self._bent[1][i] * place[:, 2]
+            e = np.linalg.norm(along, axis=1) / rod.span - 1.0
+            strain[i] = parts @ e
+            tension[i] = parts @ [stretch_at(one, stretch)[1] for one in e]
+        return strain, tension
+
+    @property
+    def _bent(self):
+        """Direction that is curved, and the curvature (1/m) of each state."""
+        return 0, np.zeros(self.steps)
 
     def replaced(self, **changes):
         """These states with other values of some fields."""
@@ -123,28 +159,6 @@ class Curve(States):
         return self.strain
 
     @property
-    def yarn_strain(self):
-        """Mean strain of the yarn over the loop."""
-        return self._yarn[0]
-
-    @property
-    def yarn_tension(self):
-        """Mean tension of the yarn over the loop (N)."""
-        return self._yarn[1]
-
-    @functools.cached_property
-    def _yarn(self):
-        rod = self.model.scene.rod
-        parts = rod.weight / rod.weight.sum()
-        strain, tension = np.empty(self.steps), np.empty(self.steps)
-        for i, y in enumerate(self.y):
-            x = placed(self.model.cell.map, y)[rod.first[:, None] + np.arange(4)]
-            e = np.linalg.norm(np.einsum("ma,mak->mk", rod.d1, x), axis=1) / rod.span - 1.0
-            strain[i] = parts @ e
-            tension[i] = parts @ [stretch_at(one, self.model.scene.stretch)[1] for one in e]
-        return strain, tension
-
-    @property
     def transverse_strain(self):
         """Strain across the pull, from the relaxed state."""
         if self.test == "course":
@@ -185,15 +199,19 @@ class BendingCurve(States):
         """Where: the curvature (1/m)."""
         return self.curvature
 
-    def centreline_bent(self, step, wales=0, courses=0):
-        """Points in space (points, 3) of the loop this many wales and courses on, in one state.
+    @property
+    def _bent(self):
+        return DIRECTIONS[self.direction], self.curvature
+
+    def centrelines_bent(self, step, wales=0, courses=0):
+        """Points in space (loops, points, 3) of the cell this many wales and courses on, in one state.
 
         The axis of the cylinder lies at thickness -1/curvature over the origin.
         """
         bent = DIRECTIONS[self.direction]
-        points = centreline(self.model, self.y[step])
-        points[:, 0] += wales * self.wale_spacing[step]
-        points[:, 1] += courses * self.course_spacing[step]
-        along = points[:, bent].copy()
-        points[:, bent] = 0.0
+        points = centrelines(self.model, self.y[step])
+        points[..., 0] += wales * self.wale_spacing[step]
+        points[..., 1] += courses * self.course_spacing[step]
+        along = points[..., bent].copy()
+        points[..., bent] = 0.0
         return rolled(points, self.curvature[step], along, bent)

@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from knitsim.figures import style
-from knitsim.figures.states import heading, letter
+from knitsim.figures.panels import heading, letter, note
 
 _PANELS = (
     ("relaxing", lambda solver, test: test == "relaxing"),
@@ -54,7 +54,7 @@ def run_time_against_error(rows):
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{1e3 * x:g}"))
         ax.xaxis.set_minor_formatter(NullFormatter())
-        letter(ax, f"{text}  {title}")
+        letter(ax, text, title)
         # Room for the legend above the data.
         low, high = np.log10(ax.get_ylim())
         share = 0.07 * len(handles)
@@ -64,11 +64,11 @@ def run_time_against_error(rows):
         ax.set_ylabel("relative error (1)")
     for ax in axes[-1]:
         ax.set_xlabel("CPU time (ms)")
-    fig.supxlabel(
+    note(
+        fig,
         "A point is a setting, a line joins those that no other beats in both, a star is the default."
-        "  Bars at the left: the reference is\nnot known better.  Dotted: 10 %, 1 %, 0.1 %, 0.01 %."
+        "  Bars at the left: the reference is not known better.  Dotted: 10 %, 1 %, 0.1 %, 0.01 %."
         f"  Errors below {_LEAST:g} are drawn there.",
-        fontsize=7,
     )
     return fig
 

@@ -10,11 +10,18 @@ from knitsim.figures import style
 def draw(figures, files, stems):
     """Draw ``figures`` (of the catalogue) from ``files`` {argument: path} as ``stems`` {name: stem}.
 
-    Each is written as PNG and SVG.
+    The path may be a list: then the argument is {calibration: dataset}.  Each figure is written as PNG
+    and SVG.
     """
-    data = {name: xr.load_dataset(path, engine="netcdf4") for name, path in files.items()}
+    data = {name: _loaded(path) for name, path in files.items()}
     for figure in figures:
-        style.save(drawn(figure, data), stems[figure.name])
+        style.save(drawn(figure, data), stems[figure.name], figure.caption)
+
+
+def _loaded(path):
+    if isinstance(path, (str, bytes)) or hasattr(path, "__fspath__"):
+        return xr.load_dataset(path, engine="netcdf4")
+    return {one.attrs["calibration"]: one for one in map(_loaded, path)}
 
 
 def drawn(figure, data):

@@ -1,7 +1,5 @@
 """Figure of the tensile test in the equilibrium model: forces, shape, energies and the fabric."""
 
-from textwrap import fill
-
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
@@ -10,31 +8,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import EngFormatter, MaxNLocator
 
-from knitsim.figures import style
-from knitsim.figures.readings import (
-    OTHER,
-    draw_equilibrium,
-    equilibrium_styles,
-    residual_handle,
-    runs,
-    starting_spacings,
-    with_states,
-)
-from knitsim.figures.states import (
-    GF_PER_CM,
-    N_PER_MM,
-    PER_CM,
-    PERCENT,
-    fabric_name,
-    heading,
-    is_beyond_break,
-    letter,
-    readings,
-    thinned,
-    with_centreline,
-)
+from knitsim.figures import panels, solved, stored, style
+from knitsim.figures.readings import OTHER, starting_spacings
 from knitsim.figures.tubes import draw_tubes, fabric_polylines
-from knitsim.units import from_si, to_si
+from knitsim.units import from_si
 
 # Stacked from below; the energy that friction took last.
 ENERGY_COLOURS = {
@@ -44,150 +21,143 @@ ENERGY_COLOURS = {
     "held by friction": style.PURPLE,
     "lost to friction": "#C8C8C8",
 }
-SMALLEST_OF_LARGEST = 0.01  # numerical_error is relative to no less than that of the largest force
+APART = 1.6  # diameters of arc below which two places of one yarn do not touch
 
 
 def fig16_equilibrium_tension(equilibrium_course, equilibrium_wale):
     """Load and extension with its error, contraction, energies and fabric, in both directions."""
     given = {"course": equilibrium_course, "wale": equilibrium_wale}
-    ended = [f"{direction} pull, ended early: {test.attrs['stop_reason']}"
-             for direction, test in given.items() if test.attrs["stop_reason"]]  # fmt: skip
     tests = {
-        direction: with_states(test)
-        for direction, test in given.items() if with_states(test) is not None
+        direction: solved.with_states(test)
+        for direction, test in given.items() if solved.with_states(test) is not None
     }  # fmt: skip
-    fig = style.page(height_mm=232.0)
-    heading(
-        fig,
-        f"Fig. 16  Fabric {fabric_name(equilibrium_course)} under tension in the equilibrium model:"
-        " course (above) and wale",
-    )
-    if ended:
-        fig.supxlabel("\n".join(fill(text, 120) for text in ended), fontsize=7)
+    fig = style.page(height_mm=242.0)
+    panels.heading(fig, "tension in equilibrium, course (above) and wale", 16, equilibrium_course)
+    if solved.ended(given):
+        panels.note(fig, "\n".join(solved.ended(given)))
     if not tests:
         return fig
     curves, energies, fabrics = fig.add_gridspec(3, 1, height_ratios=[2.4, 1.0, 0.75])
     grid = curves.subgridspec(len(tests), 4).subplots(squeeze=False)
     for row, (direction, test), letters in zip(grid, tests.items(), ("abcd", "efgh"), strict=False):
         _curves(row, test, direction, letters)
-    panels = [(d, test, name) for d, test in tests.items() for name in _told_apart(test)]
-    row = energies.subgridspec(1, len(panels)).subplots(squeeze=False)[0]
-    for ax, (direction, test, name), key in zip(row, panels, "ijkl", strict=False):
+    shown = [(d, test, name) for d, test in tests.items() for name in _told_apart(test)]
+    row = energies.subgridspec(1, len(shown)).subplots(squeeze=False)[0]
+    for ax, (direction, test, name), key in zip(row, shown, "ijkl", strict=False):
         curve = test.sel(variant=name)
         _energies(ax, curve)
-        if _is_recovered(curve):
+        if solved.is_recovered(curve):
             _say_left_over(ax, curve)
         ax.set_xlabel(f"{direction} strain (%)")
         ax.set_ylabel("energy per loop (J)" if ax is row[0] else "")
-        letter(ax, f"({key}) {name}")
+        panels.letter(ax, key, f"energy, {name}")
     _fabrics(fig, fabrics, tests)
-    handles = {
-        _condition(name, readings(test)[name]): Line2D([], [], **look)
-        for test in tests.values() for name, look in equilibrium_styles(test).items()
-    } | {
-        "loading": Line2D([], [], color=style.GREY, linestyle=style.LINES["loading"]),
-        "recovery": Line2D([], [], color=style.GREY, linestyle=style.LINES["recovery"]),
-        "estimated numerical error": Patch(color=style.GREY, alpha=0.35, linewidth=0),
-    }  # fmt: skip
-    handles |= residual_handle()
-    handles |= {name: Patch(color=colour) for name, colour in ENERGY_COLOURS.items()}
+    handles = panels.labelled(grid[:, 0]) | panels.RECOVERY | solved.residual_handle()
+    handles["estimated numerical error"] = Patch(color=style.GREY, alpha=0.35, linewidth=0)
+    handles |= {f"energy: {name}": Patch(color=colour) for name, colour in ENERGY_COLOURS.items()}
     handles["work done, from the energy at rest"] = Line2D([], [], color="black", linestyle=":")
-    fig.legend(handles.values(), handles, loc="outside lower center", ncols=3)
+    panels.legend(fig, handles, ncols=2)
     return fig
-
-
-def _condition(name, choices):
-    """A condition by its name, and in words."""
-    width = {"loaded": f"under {from_si(choices['lateral_load'], N_PER_MM):.3g} N/mm"}
-    return (
-        f"{name}: {'with' if choices['friction'] else 'no'} friction,"
-        f" width {width.get(choices['lateral'], choices['lateral'])}"
-    )
 
 
 def _curves(row, test, direction, letters):
     """Load and extension, whole and small forces; contraction; how close the yarns come."""
-    force = from_si(test.force_per_width, N_PER_MM)
+    force = from_si(test.force_per_width, "N_per_mm")
     for ax in row[:2]:
-        for name, look in equilibrium_styles(test).items():
-            _error_band(ax, test.sel(variant=name), look["color"])
-        draw_equilibrium(ax, test, force, residual=ax is row[1])
+        solved.draw_errors(ax, test, "force_per_width", "N_per_mm", "percent")
+        solved.draw(ax, test, force, "percent", residual=ax is row[1])
         ax.set_ylim(bottom=0.0)
-        side = ax.secondary_yaxis(
-            "right",
-            functions=(
-                lambda force: from_si(to_si(force, N_PER_MM), GF_PER_CM),
-                lambda force: from_si(to_si(force, GF_PER_CM), N_PER_MM),
-            ),
-        )
     row[0].set_ylabel("force per width (N/mm)")
-    side.set_ylabel("force per width (gf/cm)")
+    panels.second_axis(row[1], "N_per_mm", "gf_per_cm", "force per width (gf/cm)")
     _show_small(row[1], test, force)
-    draw_equilibrium(row[2], test, from_si(test.transverse_strain, PERCENT))
+    solved.draw(row[2], test, from_si(test.transverse_strain, "percent"), "percent")
     row[2].set_ylabel(f"strain along the {OTHER[direction]} (%)")
-    draw_equilibrium(row[3], test, test.min_distance)
+    solved.draw(row[3], test, test.min_distance, "percent")
     row[3].axhline(1.0, color=style.GREY, linewidth=0.8, linestyle=":")
     row[3].set_ylabel("closest centre lines (diameters)")
+    touch = strain_of_touch(stored.with_centreline(test).isel(variant=0))
     titles = ("load", "small loads", "contraction", "closest yarns")
     for ax, key, title in zip(row, letters, titles, strict=True):
         ax.set_xlim(left=0.0)
         ax.set_xlabel(f"{direction} strain (%)")
         ax.locator_params(axis="x", nbins=4)
-        letter(ax, f"({key}) {title}")
+        panels.letter(ax, key, title)
+        if touch is not None and ax in row[:2]:
+            x = from_si(touch, "percent")
+            ax.axvline(x, color=style.GREY, linewidth=0.8, linestyle=(0, (1, 2)), zorder=0)
+            if ax is row[1]:
+                at = {"xycoords": ax.get_xaxis_transform(), "ha": "right", "va": "top"}
+                said = f"legs\ntouch\n{x:.0f} %"
+                panels.say(ax, said, (x, 0.97), (-3, 0), fontsize=6, **at)
 
 
-def force_error(curve):
-    """Estimated error (N/m) of the force per width of one variant, (steps,)."""
-    force = np.abs(curve.force_per_width.values)
-    return curve.numerical_error.values * np.fmax(force, SMALLEST_OF_LARGEST * np.nanmax(force))
+def strain_of_touch(curve):
+    """Strain at which, first on loading, the yarn of a course comes to touch itself; None if never.
+
+    From then on a loop can give way only by squeezing its legs.  Read from the stored centre lines,
+    between states in proportion.
+    """
+    diameter, before = float(curve.diameter), None
+    for step in solved.runs(curve)[0][1]:
+        state = curve.isel(step=step)
+        courses = np.split(state.centreline.values, stored.courses_of(state))
+        gap = min(_gap(yarn, float(state.wale_spacing), diameter) for yarn in courses) - diameter
+        strain = float(state.strain)
+        if gap <= 0.0:
+            if before is None:
+                return None  # it does so at rest
+            return before[0] + (strain - before[0]) * before[1] / (before[1] - gap)
+        before = strain, gap
+    return None
 
 
-def _error_band(ax, curve, colour):
-    force, error = curve.force_per_width.values, force_error(curve)
-    low, high = from_si(np.array([force - error, force + error]), N_PER_MM)
-    strain = from_si(curve.strain.values, PERCENT)
-    for _, states in runs(curve):
-        ax.fill_between(
-            strain[states], low[states], high[states], color=colour, alpha=0.35, linewidth=0
-        )
+def _gap(loops, wale_spacing, diameter):
+    """Smallest distance (m) of two places of one yarn that are apart along it.
 
-
-def _is_recovered(curve):
-    return any(phase == "recovery" for phase, _ in runs(curve))
+    loops: (wales, n, 3) (m), a course of the cell.
+    """
+    line = loops[:, :-1].reshape(-1, 3)
+    n, period = len(line), len(loops) * wale_spacing
+    step = np.linalg.norm(np.diff(np.concatenate(loops), axis=0), axis=1).max()
+    least = int(np.ceil(APART * diameter / step))
+    images = np.concatenate([line + [turn * period, 0.0, 0.0] for turn in (-1, 0, 1)])
+    away = np.linalg.norm(line[:, None] - images[None], axis=2)
+    between = np.abs(np.arange(n)[:, None] - (np.arange(3 * n) - n)[None])
+    return float(away[between >= least].min())
 
 
 def _show_small(ax, test, force):
     """Limit the panel to the strains and loads of the condition that recovers."""
-    recovered = [name for name in readings(test) if _is_recovered(test.sel(variant=name))]
+    recovered = [
+        name for name in stored.readings(test) if solved.is_recovered(test.sel(variant=name))
+    ]
     shown = test.sel(variant=recovered[:1]) if recovered else test
     share = 1.15 if recovered else 0.1
     ax.set_ylim(top=share * float(force.sel(variant=shown.variant).max()))
-    ax.set_xlim(0.0, 1.1 * from_si(float(shown.strain.max()), PERCENT))
+    ax.set_xlim(0.0, 1.1 * from_si(float(shown.strain.max()), "percent"))
 
 
 def _say_left_over(ax, curve):
     """What the first recovery leaves of the strain, and its cycle takes of the work."""
-    (_, up), (_, down) = runs(curve)[:2]
-    lost = from_si(float(curve.dissipated[down[-1]] / curve.work[up[-1]]), PERCENT)
-    left = from_si(float(curve.strain[down[-1]]), PERCENT)
-    ax.annotate(
-        f"strain left {left:.1f} %\nwork lost {lost:.0f} %", (0.05, 0.06), xycoords="axes fraction",
-        fontsize=7,
-    )  # fmt: skip
+    (_, up), (_, down) = solved.runs(curve)[:2]
+    lost = from_si(float(curve.dissipated[down[-1]] / curve.work[up[-1]]), "percent")
+    left = from_si(float(curve.strain[down[-1]]), "percent")
+    text = f"strain left {left:.1f} %\nwork lost {lost:.0f} %"
+    panels.say(ax, text, (0.05, 0.06), xycoords="axes fraction", va="bottom")
 
 
 def _told_apart(test):
     """The reference condition, and the first one with friction."""
-    found = readings(test)
+    found = stored.readings(test)
     rough = [name for name, choices in found.items() if choices["friction"]]
     return list(dict.fromkeys([next(iter(found)), *rough[:1]]))
 
 
 def _energies(ax, curve):
     """Energies of a loop stacked over the first loading and recovery; the work as a line."""
-    found = runs(curve)[:2]
+    found = solved.runs(curve)[:2]
     states = np.concatenate([found[0][1], *(part[1:] for _, part in found[1:])])
-    strain = from_si(curve.strain.values[states], PERCENT)
+    strain = from_si(curve.strain.values[states], "percent")
     path = strain[0] + np.append(0.0, np.cumsum(np.abs(np.diff(strain))))
     terms = ("bend", "contact", "stretch", "friction")
     *own, held = curve.energy.sel(term=list(terms)).values[states].T
@@ -198,9 +168,8 @@ def _energies(ax, curve):
     total, work = np.sum(list(parts.values()), axis=0), curve.work.values[states]
     work = total[0] - work[0] + work
     ax.stackplot(
-        path, *parts.values(), linewidth=0,
-        colors=[ENERGY_COLOURS[name] for name in parts],
-    )  # fmt: skip
+        path, *parts.values(), linewidth=0, colors=[ENERGY_COLOURS[name] for name in parts]
+    )
     ax.plot(path, work, ":", color="black")
     ax.set_xlim(0.0, path[-1])
     ax.set_ylim(0.0, 1.08 * max(work.max(), total.max()))
@@ -233,33 +202,34 @@ def _fabrics(fig, place, tests):
     """The reference fabric at thirds of its largest strain, its yarn coloured by curvature."""
     drawn = []
     for direction, test in tests.items():
-        curve = with_centreline(test).isel(variant=0)
-        states = runs(curve)[0][1]
+        curve = stored.with_centreline(test).isel(variant=0)
+        states = solved.runs(curve)[0][1]
         for share in (1, 2, 3):
             asked = curve.strain.values[states[-1]] * share / 3
             step = states[np.argmin(np.abs(curve.strain.values[states] - asked))]
-            drawn.append((direction, thinned(curve.isel(step=step))))
-    bent = [curvature(state.centreline.values) for _, state in drawn]
-    scale = Normalize(0.0, from_si(max(values.max() for values in bent), PER_CM))
+            drawn.append((direction, stored.thinned(curve.isel(step=step))))
+    bent = [np.array([curvature(loop) for loop in state.centreline.values]) for _, state in drawn]
+    scale = Normalize(0.0, from_si(max(values.max() for values in bent), "per_cm"))
     count = len(drawn)
     *axes, bar = place.subgridspec(1, count + 1, width_ratios=[1.0] * count + [0.08]).subplots()
     direction, test = next(iter(tests.items()))
     reach = np.array(starting_spacings(test, direction)) * [1.5, 2.0]
     window = (-reach[0], reach[0], -reach[1], reach[1])
     colours = colormaps[style.TENSION_MAP]
-    for ax, (direction, state), values in zip(axes, drawn, bent, strict=True):
+    for ax, (direction, state), values, key in zip(axes, drawn, bent, "mnopqr", strict=False):
         spacings = np.array([float(state.wale_spacing), float(state.course_spacing)])
         yarns = fabric_polylines(
             state.centreline.values, *spacings, *(2 * np.ceil(reach / spacings).astype(int) + 3),
-            colours=colours(scale(from_si(values, PER_CM)))[:, :3], centred=True,
+            courses=stored.courses_of(state), centred=True,
+            colours=colours(scale(from_si(values, "per_cm")))[..., :3],
         )  # fmt: skip
         draw_tubes(ax, yarns.polylines, 0.5 * float(state.diameter), yarns.colours, window=window)
-        force = from_si(float(state.force_per_width), N_PER_MM)
-        broken = "\nbeyond break" if is_beyond_break(state) else ""
+        force = from_si(float(state.force_per_width), "N_per_mm")
+        broken = "\nbeyond break" if stored.is_beyond_break(state) else ""
         ax.set_title(
-            f"{direction} {from_si(float(state.strain), PERCENT):+.0f} %\n{force:.2g} N/mm{broken}",
-            fontsize=7,
-        )
+            f"({key}) {direction} {from_si(float(state.strain), 'percent'):+.0f} %\n{force:.2g} N/mm"
+            f"{broken}", fontsize=7,
+        )  # fmt: skip
         ax.set_xlabel("course (mm)")
         ax.set_ylabel("wale (mm)")
         ax.locator_params(nbins=3)

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import ConnectionPatch
 
 from knitsim.figures import style
-from knitsim.figures.states import MM, fabric_name, heading
+from knitsim.figures.panels import LETTERS, heading, legend, say
 from knitsim.figures.style import COLOURS
 from knitsim.units import from_si
 
@@ -46,7 +46,7 @@ def chosen(kes):
     """{(test, direction): {variant: {parameter: (value, unit)}}} of the equilibrium model.
 
     The first variant is the one shown in full: that with the most of the chart's parameters, and
-    of several one with friction.  Variants of another set follow.
+    of several one with friction.  Bending without friction and variants of another set follow.
     """
     names = [name for _, name, _, _ in ROWS]
     columns = ("test", "direction", "variant", "kes_parameter", "kes_value", "kes_units")
@@ -65,8 +65,15 @@ def chosen(kes):
         best = max(
             own, key=lambda name: (len(variants[name]), choices[name].get("friction", False))
         )
-        others = [name for name in variants if choices[name].get("set") is not None]
-        shown[test, direction] = {name: variants[name] for name in dict.fromkeys([best, *others])}
+        # B without friction, as Figs 21 and 22 have it; it has no hysteresis.
+        smooth = {
+            name: {"B": variants[name]["B"]}
+            for name in own
+            if test == "bending" and "B" in variants[name] and name != best
+            and (choices[name].get("friction"), choices[name].get("spacings")) == (False, "free")
+        }  # fmt: skip
+        sets = {n: values for n, values in variants.items() if choices[n].get("set") is not None}
+        shown[test, direction] = {best: variants[best]} | smooth | sets
     return shown
 
 
@@ -84,12 +91,8 @@ def fig20_kes_chart(kes, relaxed):
     found = chosen(kes)
     fig, axes = style.figure(height_mm=152.0, rows=len(ROWS), columns=1)
     axes = axes[:, 0]
-    w, c = (from_si(float(relaxed[f"{name}_spacing"]), MM) for name in ("wale", "course"))
-    heading(
-        fig,
-        f"Fig. 20  KES parameters of fabric {fabric_name(kes)} in the equilibrium model (at rest: w"
-        f" {w:.3f} mm, c {c:.3f} mm)",
-    )
+    w, c = (from_si(float(relaxed[f"{name}_spacing"]), "mm") for name in ("wale", "course"))
+    heading(fig, f"KES parameters in equilibrium (at rest: w {w:.3f} mm, c {c:.3f} mm)", 20, kes)
     places, handles, tested = {}, {}, {str(test) for test in kes.test.values}
     for ax, (test, parameter, name, ends) in zip(axes, ROWS, strict=True):
         shown = _shown(found, test, parameter)
@@ -99,7 +102,8 @@ def fig20_kes_chart(kes, relaxed):
         said = []
         for direction, variant, value, _ in shown:
             colour, mark = MARKS[direction]
-            first = next(iter(found[test, direction])) == variant
+            number = list(found[test, direction]).index(variant)
+            first, mark = number == 0, [mark, *"^v<>"][min(number, 4)]
             fill = COLOURS[colour] if first else "white"
             if ax.get_xscale() == "log" and value <= 0.0:
                 continue
@@ -114,22 +118,21 @@ def fig20_kes_chart(kes, relaxed):
                 said.append(f"{direction} {value:.3g}".strip())
                 places.setdefault((test, direction), []).append((ax, value))
         missing = "left out: see tables/kes.csv" if test in tested else "not tested"
-        ax.annotate("\n".join(said) if shown else missing, (1.02, 0.5),
-                    xycoords="axes fraction", va="center", fontsize=7)  # fmt: skip
+        say(ax, "\n".join(said) if shown else missing, (1.02, 0.5), xycoords="axes fraction")
     for (_, direction), points in places.items():
         for (ax, x), (below, y) in pairwise(points):
             fig.add_artist(ConnectionPatch(
                 (x, 0.0), (y, 0.0), "data", "data", axesA=ax, axesB=below,
                 color=COLOURS[MARKS[direction][0]], linewidth=0.9, alpha=0.7,
             ))  # fmt: skip
-    for test, text in GROUPS.items():
+    for key, (test, text) in zip(LETTERS, GROUPS.items(), strict=False):
         first = axes[[row[0] for row in ROWS].index(test)]
-        first.set_title(text, loc="left", pad=5)
-    fig.legend(
-        handles.values(), handles, loc="outside lower center", ncols=4,
-        title="Each parameter has its own scale: Kawabata's chart is scaled by the mean and deviation"
-        " of a population\nof fabrics, which is not at hand.  Hollow: with another set of the yarn.",
-        title_fontsize=7,
+        first.set_title(f"({key}) {text}", loc="left", pad=5)
+    legend(
+        fig, handles, ncols=4,
+        note="Each parameter has its own scale: Kawabata's chart is scaled by the mean and deviation of a"
+        " population\nof fabrics, which is not at hand.  Hollow: without friction, as B in Figs 21 and"
+        " 22, or with another set of the yarn.",
     )  # fmt: skip
     return fig
 

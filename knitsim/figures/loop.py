@@ -7,20 +7,14 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.ticker import MaxNLocator
 
-from knitsim.figures import style
-from knitsim.figures.states import fabric_name, heading, letter
+from knitsim.figures import panels, style
+from knitsim.figures.stored import one_loop
 from knitsim.figures.tubes import View, draw_tubes, fabric_polylines, render_tubes, view_of
-from knitsim.figures.yarn import (
-    ALONG,
-    fibre_colours,
-    span,
-    straight_fibres,
-)
+from knitsim.figures.yarn import ALONG, fibre_colours, span, straight_fibres, twist_text
 from knitsim.units import INCH, from_si
 
 # The loop from its side with the wales upwards, as in the view of the face.
 SIDE = View((0, 0, 1), (0, 1, 0), (-1, 0, 0), "thickness", "wale direction")
-_DIMENSION = {"arrowstyle": "<->", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
 _PLAIN = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
 
 
@@ -55,36 +49,36 @@ _BESIDE_SIDE = ((0, -12), (16, 2), (19, -4), (19, 4), (-17, 0), (0, 11))
 
 def fig03_loop_anchors(loop):
     """One loop from the face and from the side: six anchors a half, curves and dimensions."""
+    loop = one_loop(loop)
     w, d = float(loop["wale_spacing"]), float(loop["diameter"])
     low, high = loop["centreline"].values.min(0), loop["centreline"].values.max(0)
     bottom, top = low[1] - 1.35 * d, high[1] + 1.0 * d
     middle, half = 0.5 * (low[2] + high[2]), 0.5 * float(loop["thickness"])
     left, right, reach = -0.85 * w, 1.85 * w, 1.7 * half
-    with style.context():
-        fig, axes = style.figure(
-            height_mm=104.0, rows=1, columns=2, width_ratios=[right - left, 2.0 * reach]
-        )
-        heading(fig, f"Loop of the fabric “{fabric_name(loop)}”: {_size(loop)}")
-        face, side = axes[0]
-        _draw_loop(face, loop, "face", (left, right, bottom, top))
-        _draw_loop(side, loop, SIDE, (middle - reach, middle + reach, bottom, top))
-        anchors = _mm(loop["anchor_point"].values)
-        head = len(anchors) // 2
-        for k, place in enumerate(anchors):
-            mirrored = k > head
-            number = 2 * head - k + 1 if mirrored else k + 1
-            offset = np.array(_BESIDE_FACE[number - 1]) * ([-1, 1] if mirrored else [1, 1])
-            _number(face, place[:2], f"{number}{'′' * mirrored}", offset)
-            if not mirrored:  # from the side both halves are one
-                text = f"{number}" if k == head else f"{number}, {number}′"
-                _number(side, place[[2, 1]], text, _BESIDE_SIDE[k])
-        _mark_face(face, loop, low[1])
-        ends, y = _mm([middle - half, middle + half]), _mm(low[1] - 1.0 * d)
-        _dimension(side, (ends[0], y), (ends[1], y), f"{ends[1] - ends[0]:.3f}", _mm(low[1]))
-        letter(face, "(a) From the technical face")
-        letter(side, "(b) From the side")
-        fig.legend(*face.get_legend_handles_labels(), loc="outside lower center", ncols=3)
-        return fig
+    fig, axes = style.figure(
+        height_mm=104.0, rows=1, columns=2, width_ratios=[right - left, 2.0 * reach]
+    )
+    panels.heading(fig, f"its loop, {_size(loop)}", 3, loop)
+    face, side = axes[0]
+    _draw_loop(face, loop, "face", (left, right, bottom, top))
+    _draw_loop(side, loop, SIDE, (middle - reach, middle + reach, bottom, top))
+    anchors = _mm(loop["anchor_point"].values)
+    head = len(anchors) // 2
+    for k, place in enumerate(anchors):
+        mirrored = k > head
+        number = 2 * head - k + 1 if mirrored else k + 1
+        offset = np.array(_BESIDE_FACE[number - 1]) * ([-1, 1] if mirrored else [1, 1])
+        _number(face, place[:2], f"{number}{'′' * mirrored}", offset)
+        if not mirrored:  # from the side both halves are one
+            text = f"{number}" if k == head else f"{number}, {number}′"
+            _number(side, place[[2, 1]], text, _BESIDE_SIDE[k])
+    _mark_face(face, loop, low[1])
+    ends, y = _mm([middle - half, middle + half]), _mm(low[1] - 1.0 * d)
+    _dimension(side, (ends[0], y), (ends[1], y), f"{ends[1] - ends[0]:.3f}", _mm(low[1]))
+    panels.letter(face, "a", "From the technical face")
+    panels.letter(side, "b", "From the side")
+    panels.legend(fig, panels.labelled([face]))
+    return fig
 
 
 def _draw_loop(ax, loop, view, window):
@@ -111,10 +105,8 @@ def _draw_loop(ax, loop, view, window):
 
 def _number(ax, place, text, offset):
     ax.plot(*place, "o", color=style.BLUE, markersize=4, zorder=5)
-    ax.annotate(
-        text, place, offset, textcoords="offset points", ha="center", va="center", fontsize=8,
-        color=style.BLUE, fontweight="bold", bbox=_PLAIN, zorder=6,
-    )  # fmt: skip
+    look = {"fontsize": 8, "color": style.BLUE, "fontweight": "bold", "bbox": _PLAIN, "zorder": 6}
+    panels.say(ax, text, place, offset, ha="center", **look)
 
 
 def _dimension(ax, start, end, text, witness, upright=False):
@@ -122,7 +114,7 @@ def _dimension(ax, start, end, text, witness, upright=False):
     for x, y in (start, end):
         line = ([x, witness], [y, y]) if upright else ([x, x], [y, witness])
         ax.plot(*line, color=style.BLACK, linewidth=0.4)
-    ax.annotate("", start, end, arrowprops=_DIMENSION)
+    panels.arrow(ax, start, end)
     middle = 0.5 * (np.asarray(start) + np.asarray(end))
     ax.text(*middle, text, ha="center", va="center", fontsize=7.5, bbox=_PLAIN, zorder=4)
 
@@ -141,11 +133,8 @@ def _mark_face(ax, loop, low):
     k = round(0.7 * len(line))
     along = line[k + 1] - line[k - 1]
     across = 0.5 * d * np.array([-along[1], along[0]]) / np.linalg.norm(along)
-    ax.annotate("", line[k] - across, line[k] + across, arrowprops=_DIMENSION)
-    ax.annotate(
-        f"$d$ = {d:.4f}", line[k] + across, (5, 0), textcoords="offset points", va="center",
-        fontsize=7.5, bbox=_PLAIN,
-    )  # fmt: skip
+    panels.arrow(ax, line[k] - across, line[k] + across)
+    panels.say(ax, f"$d$ = {d:.4f}", line[k] + across, (5, 0), fontsize=7.5, bbox=_PLAIN)
 
 
 # Fig. 4 -----------------------------------------------------------------------------------------
@@ -160,40 +149,38 @@ _DISC_VIEW = (-28.0, 24.0)
 
 def fig04_yarn_into_loop(loop):
     """The straight twisted yarn, laid into the loop; its sections as printed and corrected."""
+    loop = one_loop(loop)
     d, length, twist = (float(loop[name]) for name in ("diameter", "loop_length", "twist"))
     fibres = loop["fibre_point"].values
     positions = _fibre_positions(loop)
     colours = fibre_colours(len(positions), _outer_fibres(positions, 3))
     radius = 0.5 * float(loop["fibre_diameter"])
-    with style.context():
-        fig, axes = style.figure(
-            height_mm=146.0, rows=3, columns=4, height_ratios=[0.6, 2.6, 1.5],
-            width_ratios=[1.2, 1, 1, 1],
-        )  # fmt: skip
-        heading(
-            fig,
-            f"Yarn laid into the loop of the fabric “{fabric_name(loop)}”: {len(positions)} fibres, "
-            + (f"{abs(twist):.0f} turns/m {'Z' if twist > 0 else 'S'}" if twist else "no twist"),
-        )
-        straight, errors = span(axes[0]), span(axes[2])
-        draw_tubes(
-            straight, list(straight_fibres(positions, twist, length, len(fibres))), radius, colours,
-            ALONG, window=(0.0, length, -0.6 * d, 0.6 * d),
-        )  # fmt: skip
-        letter(straight, "(a) The straight yarn of one loop, with all its fibres", y=1.1)
-        draw_tubes(axes[1, 0], list(np.swapaxes(fibres, 0, 1)), radius, colours, "face")
-        letter(axes[1, 0], "(b) In the loop")
-        axes[1, 0].yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
-        _draw_discs(axes[1, 1], loop, loop["tangent"].values, style.COLOURS["corrected"])
-        letter(axes[1, 1], "(c) Sections, corrected")
-        for ax, key, (order, (label, colour, _)) in zip(
-            axes[1, 2:], "de", _ORDERS.items(), strict=True
-        ):
-            _draw_discs(ax, loop, loop["printed_section_axis"].sel(order=order).values, colour)
-            letter(ax, f"({key}) Printed, {label}")
-        _draw_errors(errors, loop)
-        letter(errors, "(f) Angle between the axis of the sections (arrows above) and the yarn")
-        return fig
+    fig, axes = style.figure(
+        height_mm=146.0, rows=3, columns=4, height_ratios=[0.6, 2.6, 1.5],
+        width_ratios=[1.2, 1, 1, 1],
+    )  # fmt: skip
+    panels.heading(
+        fig, f"{len(positions)} fibres with {twist_text(twist)} laid into the loop", 4, loop
+    )
+    straight, errors = span(axes[0]), span(axes[2])
+    draw_tubes(
+        straight, list(straight_fibres(positions, twist, length, len(fibres))), radius, colours,
+        ALONG, window=(0.0, length, -0.6 * d, 0.6 * d),
+    )  # fmt: skip
+    panels.letter(straight, "a", "The straight yarn of one loop, with all its fibres", y=1.1)
+    draw_tubes(axes[1, 0], list(np.swapaxes(fibres, 0, 1)), radius, colours, "face")
+    panels.letter(axes[1, 0], "b", "In the loop")
+    axes[1, 0].yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    _draw_discs(axes[1, 1], loop, loop["tangent"].values, style.COLOURS["corrected"])
+    panels.letter(axes[1, 1], "c", "Sections, corrected")
+    for ax, key, (order, (label, colour, _)) in zip(
+        axes[1, 2:], "de", _ORDERS.items(), strict=True
+    ):
+        _draw_discs(ax, loop, loop["printed_section_axis"].sel(order=order).values, colour)
+        panels.letter(ax, key, f"Printed, {label}")
+    _draw_errors(errors, loop)
+    panels.letter(errors, "f", "Angle between the axis of the sections (arrows above) and the yarn")
+    return fig
 
 
 def _fibre_positions(loop):
@@ -243,10 +230,7 @@ def _draw_discs(ax, loop, axis, colour):
     ax.plot(*flat.T, color=style.GREY, linewidth=0.8, zorder=1)
     low, high = flat.min(0) - 1.6 * _mm(radius), flat.max(0) + 1.6 * _mm(radius)
     bar = 0.5 if high[0] - low[0] > 1.2 else 0.2
-    ax.plot([low[0], low[0] + bar], [low[1], low[1]], color="black", linewidth=2.0)
-    ax.annotate(
-        f"{bar:g} mm", (low[0] + bar, low[1]), (5, 0), textcoords="offset points", va="center"
-    )
+    panels.scale_bar(ax, low, bar, f"{bar:g} mm")
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1] - 0.05 * (high[1] - low[1]), high[1])
     ax.set_aspect("equal")
@@ -296,6 +280,7 @@ def _draw_errors(ax, loop):
 
 def fig05_connected_loops(loop):
     """A piece of fabric as solid yarn: face, back, and seen along its courses and its wales."""
+    loop = one_loop(loop)
     w, c = float(loop["wale_spacing"]), float(loop["course_spacing"])
     fabric = _fabric(loop, 7, 8, centred=True)
     radius = 0.5 * float(loop["diameter"])
@@ -311,24 +296,24 @@ def fig05_connected_loops(loop):
         "side_wale": (-tall, tall, low, high),
     }
     titles = ("Technical face", "Technical back", "Seen along the wales", "Seen along the courses")
-    with style.context():
-        fig, axes = style.figure(
-            height_mm=129.0, rows=2, columns=2, height_ratios=[2.0 * tall, high - low]
-        )
-        heading(fig, f"Connected loops of the fabric “{fabric_name(loop)}”: {_size(loop)}")
-        for ax, (view, window), key, title in zip(
-            axes.flat, windows.items(), "abcd", titles, strict=True
-        ):
-            draw_tubes(
-                ax, fabric.polylines, radius, fabric.colours, view, window=window,
-                twist=float(loop["twist"]),
-            )  # fmt: skip
-            letter(ax, f"({key}) {title}", y=1.02 if ax in axes[0] else 1.08)
-        return fig
+    fig, axes = style.figure(
+        height_mm=129.0, rows=2, columns=2, height_ratios=[2.0 * tall, high - low]
+    )
+    panels.heading(fig, f"connected loops, {_size(loop)}", 5, loop)
+    for ax, (view, window), key, title in zip(
+        axes.flat, windows.items(), "abcd", titles, strict=True
+    ):
+        draw_tubes(
+            ax, fabric.polylines, radius, fabric.colours, view, window=window,
+            twist=float(loop["twist"]),
+        )  # fmt: skip
+        panels.letter(ax, key, f"{title}", y=1.02 if ax in axes[0] else 1.08)
+    return fig
 
 
 def readme_picture(loop):
     """A piece of the fabric, seen obliquely, without axes: the picture of the README."""
+    loop = one_loop(loop)
     fabric = _fabric(loop, 11, 11, centred=True)
     w = float(loop["wale_spacing"])
     columns, rows = 840, 360
@@ -338,12 +323,11 @@ def readme_picture(loop):
         fabric.polylines, 0.5 * float(loop["diameter"]), fabric.colours, "oblique",
         twist=float(loop["twist"]), window=(-wide, wide, -tall, tall), pixel=2.0 * wide / columns,
     ).rgba  # fmt: skip
-    with style.context():
-        size = (from_si(n / style.DPI * INCH, "mm") for n in (columns, rows))
-        fig, axes = style.figure(*size)
-        axes[0, 0].remove()
-        # On white, and in steps of eight in 256, which are not seen and halve the file.
-        alpha = picture[..., 3:] / 255.0
-        opaque = picture[..., :3] * alpha + 255.0 * (1.0 - alpha)
-        fig.figimage(opaque.astype(np.uint8) & 0b11111000 | 0b111)
+    size = (from_si(n / style.DPI * INCH, "mm") for n in (columns, rows))
+    fig, axes = style.figure(*size)
+    axes[0, 0].remove()
+    # On white, and in steps of eight in 256, which are not seen and halve the file.
+    alpha = picture[..., 3:] / 255.0
+    opaque = picture[..., :3] * alpha + 255.0 * (1.0 - alpha)
+    fig.figimage(opaque.astype(np.uint8) & 0b11111000 | 0b111)
     return fig

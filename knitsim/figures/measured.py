@@ -4,16 +4,12 @@ Every function takes the datasets of ``measured/<fabric>/`` by the name of their
 prediction with all parameters as given comes first.
 """
 
-import json
-
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from knitsim.figures import style
-from knitsim.figures.states import PERCENT, heading, letter
-from knitsim.study.measured_keys import GIVEN
+from knitsim.figures import panels, style
 from knitsim.units import from_si, label
 
 FORCE = "N_per_mm"
@@ -28,14 +24,18 @@ _POINTS = 3.0  # zorder of measured points, above all lines
 _BAND = 0.18
 ROOM = 1.05  # of the axis above the largest value
 HIGHEST = 4.0  # misfit shown in profiles, over the largest of the fits
-_LETTERS = "abcdefghijklmnopqrstuvwxyz"
 # Units in which values of parameters are written, by their SI unit.
 _SHOWN = {"m": "mm", "N m2": "N_mm2", "N m-3": "N_per_mm3", "N m-1": "N_per_m"}
 
 
 def ordered(datasets):
     """The datasets with the prediction without calibration first, in the order given else."""
-    return {name: datasets[name] for name in sorted(datasets, key=lambda name: name != GIVEN)}
+    return dict(sorted(datasets.items(), key=lambda one: not is_given(one[1])))
+
+
+def is_given(dataset):
+    """Whether it is the prediction with all parameters as given, none calibrated."""
+    return not dataset.sizes.get("parameter", 0)
 
 
 def _looks(datasets, nested=False):
@@ -44,26 +44,23 @@ def _looks(datasets, nested=False):
     nested: each is drawn over the one before and narrower, so that equal curves both show.
     """
     looks, number = {}, 0
-    for place, name in enumerate(datasets):
+    for place, (name, dataset) in enumerate(datasets.items()):
+        given = is_given(dataset)
         looks[name] = {
-            "color": style.BLACK if name == GIVEN else _COLOURS[number % len(_COLOURS)],
-            "linestyle": "-" if name == GIVEN else _LINES[number % len(_LINES)],
+            "color": style.BLACK if given else _COLOURS[number % len(_COLOURS)],
+            "linestyle": "-" if given else _LINES[number % len(_LINES)],
         }
         if nested:
             width = max(WIDEST - NARROWER * place, NARROWEST)
             looks[name] |= {"linewidth": width, "zorder": 2.0 + 0.01 * place}
-        number += name != GIVEN
+        number += not given
     return looks
 
 
-def _fabric(datasets):
-    """Name of the fabric that the datasets are about."""
-    return json.loads(next(iter(datasets.values())).attrs["configuration"])["name"]
-
-
-def title_of(name):
+def title_of(dataset):
     """What a calibration is called in a figure."""
-    return "no calibration: as given" if name == GIVEN else name.replace("_", " ")
+    name = dataset.attrs["calibration"].replace("_", " ")
+    return f"no calibration: {name}" if is_given(dataset) else name
 
 
 def value_text(value, units):
@@ -107,11 +104,11 @@ def _measured(ax, dataset, curves):
     handles = []
     for k, number in enumerate(curves):
         one = dataset.isel(curve=number)
-        strain = from_si(one.shifted_strain.values, PERCENT)
+        strain = from_si(one.shifted_strain.values, "percent")
         force = from_si(one.measured_force_per_width.values, FORCE)
         recovery = one.measured_phase.values.astype(bool)
         look = _mark(k)
-        band = [from_si(one[f"shifted_strain_{end}"].values, PERCENT) for end in ("low", "high")]
+        band = [from_si(one[f"shifted_strain_{end}"].values, "percent") for end in ("low", "high")]
         if np.isfinite(band[0]).any():
             ax.errorbar(
                 strain, force, xerr=[strain - band[0], band[1] - strain], color=style.BLACK,
@@ -133,8 +130,8 @@ def _strain_line(ax, dataset, direction, look, fill=True):
     """Predicted force against strain with its band."""
     one = dataset.sel(direction=direction)
     force = from_si(one.predicted_force_per_width.values, FORCE)
-    ax.plot(from_si(one.predicted_strain.values, PERCENT), force, **look)
-    low, high = from_si(one.predicted_strain_band.values.T, PERCENT)
+    ax.plot(from_si(one.predicted_strain.values, "percent"), force, **look)
+    low, high = from_si(one.predicted_strain_band.values.T, "percent")
     if fill:
         ax.fill_betweenx(force, low, high, color=look["color"], alpha=_BAND, linewidth=0)
 
@@ -162,9 +159,9 @@ def fitted_direction(datasets):
     return None
 
 
-def fig30_calibration(datasets):
+def fig30_calibration(measured):
     """Each calibration beside the measured curve that it was fitted to, a panel each."""
-    datasets = ordered(datasets)
+    datasets = ordered(measured)
     direction = fitted_direction(datasets) or "course"
     looks = _looks(datasets)
     columns = min(2, len(datasets))
@@ -172,11 +169,8 @@ def fig30_calibration(datasets):
     fig, axes = style.figure(
         height_mm=30.0 + 62.0 * rows, rows=rows, columns=columns, sharex=True, sharey=True
     )
-    heading(
-        fig,
-        f"Fig. 30  Fabric {_fabric(datasets)}, calibrated on measured curves:"
-        f" {direction} direction",
-    )
+    first = next(iter(datasets.values()))
+    panels.heading(fig, f"calibrated on measured curves, {direction} direction", 30, first)
     for number, (ax, (name, dataset)) in enumerate(zip(axes.flat, datasets.items(), strict=False)):
         _strain_line(ax, dataset, direction, looks[name])
         curves = _curves_of(dataset, direction)
@@ -186,14 +180,14 @@ def fig30_calibration(datasets):
         ax.xaxis.label.set_visible(lowest)
         ax.xaxis.set_tick_params(labelbottom=lowest)
         ax.yaxis.label.set_visible(number % columns == 0)
-        letter(ax, f"({_LETTERS[number]}) {title_of(name)}")
+        panels.letter(ax, panels.LETTERS[number], title_of(dataset))
         covers = dataset.attrs["band_covers"].split(",")[0]
         handles += [
             Line2D([], [], label="model", **looks[name]),
             Patch(color=looks[name]["color"], alpha=_BAND, label=f"band: {covers}"),
         ]
         ax.legend(handles=handles, loc="upper left", fontsize=6.3)
-        texts = [_parameters_text(dataset)] if name != GIVEN else []
+        texts = [] if is_given(dataset) else [_parameters_text(dataset)]
         for k in curves:
             one = dataset.isel(curve=k)
             role = "fitted" if str(one.curve_role.values) == "fitted" else "not fitted"
@@ -209,9 +203,9 @@ def fig30_calibration(datasets):
     return fig
 
 
-def fig31_prediction(datasets):
+def fig31_prediction(measured):
     """What all calibrations predict, side by side: force and lateral strain, both directions."""
-    datasets = ordered(datasets)
+    datasets = ordered(measured)
     looks = _looks(datasets, nested=True)
     bent = any("predicted_moment_per_width" in d for d in datasets.values()) or any(
         len(_curves_of(d, way, "bending")) for d in datasets.values() for way in ("course", "wale")
@@ -219,12 +213,10 @@ def fig31_prediction(datasets):
     columns = 3 if bent else 2
     fig, axes = style.figure(height_mm=150.0, rows=2, columns=columns)
     first = next(iter(datasets.values()))
-    heading(
-        fig,
-        f"Fig. 31  Fabric {_fabric(datasets)}, predicted by each choice of parameters: how far they"
-        " lie apart",
+    panels.heading(
+        fig, "predictions of each choice of parameters, and how far they lie apart", 31, first
     )
-    measured = {}
+    shown = {}
     for row, direction in zip(axes, ("course", "wale"), strict=True):
         at = 0 if direction == "course" else columns
         ax = row[0]
@@ -236,23 +228,20 @@ def fig31_prediction(datasets):
             n for n, d in datasets.items()
             if (d.curve_role.values[_curves_of(d, direction)] == "fitted").any()
         ]  # fmt: skip
-        letter(ax, f"({_LETTERS[at]}) {direction}: {'fitted' if fitted else 'predicted'}")
+        panels.letter(ax, panels.LETTERS[at], f"{direction}: {'fitted' if fitted else 'predicted'}")
         _lateral(row[1], datasets, direction, looks)
-        letter(row[1], f"({_LETTERS[at + 1]}) {direction}: lateral strain")
+        panels.letter(row[1], panels.LETTERS[at + 1], f"{direction}: lateral strain")
         if bent:
             handles += _bending(row[2], datasets, direction, looks)
-            letter(row[2], f"({_LETTERS[at + 2]}) {direction}: bending")
-        measured |= {handle.get_label(): handle for handle in handles}
-    fig.legend(
-        handles=[
-            *(Line2D([], [], label=title_of(name), **looks[name]) for name in datasets),
-            *measured.values(),
-        ],
-        loc="outside lower center", ncols=min(5, len(datasets) + len(measured)), title_fontsize=7,
-        title="Bands: " + "; ".join(
+            panels.letter(row[2], panels.LETTERS[at + 2], f"{direction}: bending")
+        shown |= {handle.get_label(): handle for handle in handles}
+    handles = {title_of(d): Line2D([], [], **looks[name]) for name, d in datasets.items()} | shown
+    panels.legend(
+        fig, handles, ncols=min(5, len(handles)),
+        note="Bands: " + "; ".join(
             dict.fromkeys(
-                f"{'as given' if name == GIVEN else 'calibrated'}: {d.attrs['band_covers']}"
-                for name, d in datasets.items()
+                f"{'as given' if is_given(d) else 'calibrated'}: {d.attrs['band_covers']}"
+                for d in datasets.values()
             )
         ) + ".  Inputs as given count as known.",
     )  # fmt: skip
@@ -262,17 +251,17 @@ def fig31_prediction(datasets):
 def _lateral(ax, datasets, direction, looks):
     for name, dataset in datasets.items():
         one = dataset.sel(direction=direction)
-        strain = from_si(one.predicted_strain.values, PERCENT)
-        across = from_si(one.predicted_transverse_strain.values, PERCENT)
-        low, high = from_si(one.predicted_transverse_strain_band.values.T, PERCENT)
+        strain = from_si(one.predicted_strain.values, "percent")
+        across = from_si(one.predicted_transverse_strain.values, "percent")
+        low, high = from_si(one.predicted_transverse_strain_band.values.T, "percent")
         ax.plot(strain, across, **looks[name])
         ax.fill_between(strain, low, high, color=looks[name]["color"], alpha=_BAND, linewidth=0)
     first = next(iter(datasets.values()))
     for k, number in enumerate(_curves_of(first, direction)):
         one = first.isel(curve=number)
         ax.plot(
-            from_si(one.shifted_strain.values, PERCENT),
-            from_si(one.shifted_transverse_strain.values, PERCENT),
+            from_si(one.shifted_strain.values, "percent"),
+            from_si(one.shifted_transverse_strain.values, "percent"),
             linestyle="none", markerfacecolor="none", **_mark(k),
         )  # fmt: skip
     ax.set_xlabel(_strain_label(first, direction))
@@ -325,23 +314,22 @@ def _bending(ax, datasets, direction, looks):
     return handles
 
 
-def fig32_misfit_profile(datasets):
+def fig32_misfit_profile(fitted):
     """Misfit along each calibrated parameter, the others fitted again."""
-    datasets = {name: d for name, d in ordered(datasets).items() if d.sizes.get("parameter", 0)}
+    datasets = {name: d for name, d in ordered(fitted).items() if d.sizes.get("parameter", 0)}
     looks = _looks(datasets)
     names = list(dict.fromkeys(str(p) for d in datasets.values() for p in d.parameter.values))
     columns = min(3, len(names))
     rows = -(-len(names) // columns)
     fig, axes = style.figure(height_mm=26.0 + 62.0 * rows, rows=rows, columns=columns, sharey=True)
-    heading(
-        fig,
-        f"Fig. 32  Fabric {_fabric(datasets)}: misfit along each calibrated"
-        " parameter, the others fitted again",
+    first = next(iter(datasets.values()))
+    panels.heading(
+        fig, "misfit along each calibrated parameter, the others fitted again", 32, first
     )
     # Far from the fit the misfit may be large, which hides where it is small.
     fits = [float(d.fit_misfit) for d in datasets.values()]
     reached = [*fits, *(np.nanmax(d.profile_misfit.values, initial=0.0) for d in datasets.values())]
-    top = ROOM * from_si(min(HIGHEST * max(fits), max(reached)), PERCENT)
+    top = ROOM * from_si(min(HIGHEST * max(fits), max(reached)), "percent")
     for number, (ax, parameter) in enumerate(zip(axes.flat, names, strict=False)):
         unit = ""
         for name, dataset in datasets.items():
@@ -359,8 +347,8 @@ def fig32_misfit_profile(datasets):
                 )
             )
             look = looks[name]
-            ax.plot(at, from_si(one.profile_misfit.values, PERCENT), marker=".", **look)
-            ax.plot(value, from_si(float(dataset.fit_misfit), PERCENT), "D", color=look["color"])
+            ax.plot(at, from_si(one.profile_misfit.values, "percent"), marker=".", **look)
+            ax.plot(value, from_si(float(dataset.fit_misfit), "percent"), "D", color=look["color"])
             ax.axvspan(low, high, color=look["color"], alpha=0.10, linewidth=0)
         ax.set_ylim(0.0, top)
         ax.grid(True)
@@ -368,10 +356,12 @@ def fig32_misfit_profile(datasets):
         ax.set_xlabel(f"{parameter.replace('_', ' ')} ({unit})")
         if number % columns == 0:
             ax.set_ylabel("rms misfit (%)")
-        letter(ax, f"({_LETTERS[number]}) {parameter.replace('_', ' ')}")
+        panels.letter(ax, panels.LETTERS[number], parameter.replace("_", " "))
     for ax in axes.flat[len(names) :]:
         ax.set_visible(False)
-    handles = [Line2D([], [], label=title_of(name), marker="D", **looks[name]) for name in datasets]
-    handles.append(Patch(color=style.GREY, alpha=0.2, label="95 % interval"))
-    fig.legend(handles=handles, loc="outside lower center", ncols=min(4, len(handles)))
+    handles = {
+        title_of(d): Line2D([], [], marker="D", **looks[name]) for name, d in datasets.items()
+    }
+    handles["95 % interval"] = Patch(color=style.GREY, alpha=0.2)
+    panels.legend(fig, handles, ncols=min(4, len(handles)))
     return fig

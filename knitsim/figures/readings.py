@@ -1,48 +1,32 @@
-"""What the figures of the tensile test share: its readings, how they look, and fabric in a state."""
+"""What the figures of the kinematic tensile test share: its readings, and fabric in a state."""
 
 import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 
-from knitsim.figures import style
-from knitsim.figures.states import (
-    BEYOND_BREAK,
-    MM,
-    PERCENT,
-    breaking_strain,
-    is_beyond_break,
-    loading,
-    readings,
-    state_at,
-)
-from knitsim.figures.style import COLOURS, LINES, YARN_COLOURS
+from knitsim.figures import stored, style
+from knitsim.figures.style import COLOURS, YARN_COLOURS
 from knitsim.figures.tubes import fabric_polylines
 from knitsim.units import from_si, to_si
 
 OTHER = {"course": "wale", "wale": "course"}
 BREAK_COLOUR = style.VERMILION
 PRINTED_LINE = (0, (5, 1.5))
-THICK, THIN = 1.4, 0.7
-# Shades of the equilibrium model's colour by friction and whether the width is free to follow.
-EQUILIBRIUM_COLOURS = {
-    (False, True): COLOURS["equilibrium"],
-    (True, True): "#6E2F00",
-    (False, False): "#F5A673",
-    (True, False): "#A8623A",
-}
+BREAK = "break"  # name of the marks where the yarn breaks
 
 
 def reading_label(choices):
     """How the loop contracts, or that its positions are the printed ones."""
     if choices["positions"] == "printed":
-        return "positions as printed"
+        return "kinematic: positions as printed"
     if choices["contraction"] == "linear" and choices["limit"] != "half":
-        return "linear, to one course spacing less"
-    return {
+        return "kinematic: linear, to one course spacing less"
+    law = {
         "isometric": "isometric, then at the limit",
         "linear": "linear, to half",
         "none": "no contraction",
     }[choices["contraction"]]
+    return f"kinematic: {law}"
 
 
 def reading_style(choices):
@@ -65,7 +49,7 @@ def _plain(choices):
 
 def reference_and_printed(tension):
     """The reference reading of a test, the first one, as a dataset; the printed one, or None."""
-    found = readings(tension)
+    found = stored.readings(tension)
     printed = next((n for n, c in found.items() if c["positions"] == "printed"), None)
     return (
         tension.sel(variant=next(iter(found))),
@@ -75,77 +59,44 @@ def reference_and_printed(tension):
 
 def contractions(tension):
     """{variant: choices} of the readings that differ in how the loop contracts, and the printed."""
-    return {name: c for name, c in readings(tension).items() if _plain(c)}
+    return {name: c for name, c in stored.readings(tension).items() if _plain(c)}
 
 
 def fabric_of(state, wide, high, colour=None):
-    """Yarns of a state, one loop set off; where the set-off loop lies, as (course, wale) shift (m)."""
-    points = state.centreline.values
+    """Yarns of a state, one loop set off; where the set-off loop lies, as (course, wale) shift (m).
+
+    The loop set off is an image of the first of the cell.
+    """
     spacing = float(state.wale_spacing), float(state.course_spacing)
-    yarns = fabric_polylines(points, *spacing, wide, high, colours=YARN_COLOURS["pale"])
-    column, row = wide // 2, high // 2
-    count = len(points) - 1
+    loops, courses = state.centreline.values, stored.courses_of(state)
+    loops = loops[None] if loops.ndim == 2 else loops
+    yarns = fabric_polylines(
+        loops, *spacing, wide, high, courses=courses, colours=YARN_COLOURS["pale"]
+    )
+    wales, count = len(loops) // courses, loops.shape[1] - 1
+    column, row = wide // 2 // wales * wales, high // 2 // courses * courses
     begin = column * count
-    marked = np.tile(to_rgb(colour or YARN_COLOURS["marked"]), (count + 1, 1))
-    yarns.colours[row] = yarns.colours[row].copy()
-    yarns.colours[row][begin : begin + count + 1] = marked
+    yarns.colours[row][begin : begin + count + 1] = to_rgb(colour or YARN_COLOURS["marked"])
     return yarns, np.array([column * spacing[0], row * spacing[1], 0.0])
 
 
 def state_text(state):
     """Strains of a state in words, and whether the yarn would have broken."""
     text = (
-        f"fabric {from_si(float(state.strain), PERCENT):+.0f} %,"
+        f"fabric {from_si(float(state.strain), 'percent'):+.0f} %,"
         f" yarn {percent_text(float(state.yarn_strain))} %"
     )
-    return text + (" (beyond break)" if is_beyond_break(state) else "")
+    return text + (" (beyond break)" if stored.is_beyond_break(state) else "")
 
 
 def percent_text(strain):
     # No "-0.0": a yarn at rest has rounding errors of either sign.
-    return f"{round(from_si(strain, PERCENT), 1) + 0.0:+.1f}"
+    return f"{round(from_si(strain, 'percent'), 1) + 0.0:+.1f}"
 
 
 def step_at_share(tension, share):
     """Number of the state at that share of the test's largest strain."""
-    return state_at(tension, "strain", share * tension.strain.values.max())
-
-
-def equilibrium_styles(dataset):
-    """{variant: look} of a test in equilibrium: dark with friction, pale if held across.
-
-    Variants that differ in how far they are pulled only share a colour; all but the first are thin.
-    """
-    looks = {}
-    for name, choices in readings(dataset).items():
-        colour = EQUILIBRIUM_COLOURS[choices["friction"], choices["lateral"] == "free"]
-        again = any(look["color"] == colour for look in looks.values())
-        looks[name] = {"color": colour, "linewidth": THIN if again else THICK}
-    return looks
-
-
-def runs(curve):
-    """[(phase, numbers of states)] of one variant: loading and recovery in turn.
-
-    Each begins with the last state of the one before; states that were not reached are left out.
-    """
-    reached = np.flatnonzero(np.isfinite(curve.strain.values))
-    phase, cycle = curve.phase.values[reached], curve.cycle.values[reached]
-    cuts = np.flatnonzero((phase[1:] != phase[:-1]) | (cycle[1:] != cycle[:-1])) + 1
-    found = []
-    for part in np.split(reached, cuts):
-        if part.size:
-            before = found[-1][1][-1:] if found else part[:0]
-            found.append((str(curve.phase.values[part[0]]), np.concatenate([before, part])))
-    return found
-
-
-def with_states(equilibrium):
-    """The test with the variants that reached any state; None without one, or without a test."""
-    if equilibrium is None:
-        return None
-    reached = [name for name in readings(equilibrium) if runs(equilibrium.sel(variant=name))]
-    return equilibrium.sel(variant=reached) if reached else None
+    return stored.state_at(tension, "strain", share * tension.strain.values.max())
 
 
 def starting_spacings(equilibrium, direction):
@@ -165,10 +116,10 @@ def starting_spacings(equilibrium, direction):
 def _starts(direction, tension, equilibrium):
     """[(model, colour, (wale, course) spacing (m) at strain 0)] of the models that are shown."""
     stated = tuple(float(tension[f"{name}_spacing"].values.flat[0]) for name in ("wale", "course"))
-    starts = [("kinematic", style.BLACK, stated)]
+    starts = [("kinematic model", style.BLACK, stated)]
     if equilibrium is not None:
         rest = starting_spacings(equilibrium, direction)
-        starts.append(("equilibrium", COLOURS["equilibrium"], rest))
+        starts.append(("equilibrium model", COLOURS["equilibrium"], rest))
     return starts
 
 
@@ -177,71 +128,35 @@ def starting_texts(tension, equilibrium, direction):
     states = ("the stated density", "its own state at rest")
     starts = _starts(direction, tension, equilibrium)
     return [
-        f"Strain 0 of the {model} model: {where}, wales {from_si(wale, MM):.3f} mm, courses"
-        f" {from_si(course, MM):.3f} mm."
+        f"Strain 0 of the {model}: {where}, wales {from_si(wale, 'mm'):.3f} mm, courses"
+        f" {from_si(course, 'mm'):.3f} mm."
         for (model, _, (wale, course)), where in zip(starts, states, strict=False)
     ]
 
 
-def spacing_axes(ax, direction, tension, equilibrium):
-    """Above the fabric's strain (%) the spacing that is pulled, one axis for either model."""
-    for k, (model, colour, spacings) in enumerate(_starts(direction, tension, equilibrium)):
-        rest = from_si(spacings[0 if direction == "course" else 1], MM)
-        side = ax.secondary_xaxis(
-            1.0 + 0.2 * k,
-            functions=(
-                lambda strain, rest=rest: rest * (1.0 + to_si(strain, PERCENT)),
-                lambda spacing, rest=rest: from_si(spacing / rest - 1.0, PERCENT),
-            ),
-        )
-        side.set_xlabel(
-            f"{OTHER[direction]} spacing of the {model} fabric (mm)", color=colour, fontsize=7
-        )
-        side.tick_params(colors=colour, pad=1)
-        side.spines["top"].set(visible=True, color=colour)
+def spacing_axis(ax, direction, tension, equilibrium):
+    """Above the fabric's strain (%) the spacing that is pulled: in equilibrium, if that is shown."""
+    model, colour, spacings = _starts(direction, tension, equilibrium)[-1]
+    rest = from_si(spacings[0 if direction == "course" else 1], "mm")
+    side = ax.secondary_xaxis(
+        1.0,
+        functions=(
+            lambda strain: rest * (1.0 + to_si(strain, "percent")),
+            lambda spacing: from_si(spacing / rest - 1.0, "percent"),
+        ),
+    )
+    side.set_xlabel(f"{OTHER[direction]} spacing, {model} (mm)", color=colour, fontsize=7)
+    side.tick_params(colors=colour, pad=1)
+    side.spines["top"].set(visible=True, color=colour)
 
 
-def draw_equilibrium(ax, dataset, values, *, residual=False):
-    """Values (variant, step) of the equilibrium model against strain, loading and recovery.
-
-    Each variant has its own states; those that were not reached hold no numbers, those beyond the
-    breaking strain are dotted.  residual: mark the strain that is left when the force is gone.
-    """
-    for name, look in equilibrium_styles(dataset).items():
-        curve, y = dataset.sel(variant=name), values.sel(variant=name).values
-        strain = from_si(curve.strain.values, PERCENT)
-        said = f"equilibrium, {name}"
-        for phase, states in runs(curve):
-            x, shown = strain[states], y[states]
-            beyond = curve.status.values[states] == BEYOND_BREAK
-            ax.plot(x, np.where(beyond, np.nan, shown), LINES[phase], label=said, **look)
-            if beyond.any():
-                ax.plot(x, np.where(beyond, shown, np.nan), ":", **look)
-            said = None
-            if residual and phase == "recovery":
-                ax.plot(
-                    x[-1], 0.0, "D", transform=ax.get_xaxis_transform(), markersize=4.5,
-                    markerfacecolor="white", clip_on=False, zorder=5, **look,
-                )  # fmt: skip
-
-
-def residual_handle():
-    """{text: line} for the legend: what is left after recovery."""
-    return {
-        "strain left when the force is gone": Line2D(
-            [], [], color=style.GREY, marker="D", markerfacecolor="white", linestyle="none"
-        )
-    }
-
-
-def break_handle(tension):
-    """{text: line} for the legend: where the yarn breaks."""
-    limit = from_si(breaking_strain(tension), PERCENT)
-    return {
-        f"the yarn breaks ({limit:.3g} %); dotted: beyond": Line2D(
-            [], [], color=BREAK_COLOUR, marker="X", linestyle=":", markersize=5
-        )
-    }
+def break_handle(tension, axes):
+    """{text: line} for the legend: where the yarn breaks, if any of the axes shows it."""
+    if not any(line.get_gid() == BREAK for ax in axes for line in ax.lines):
+        return {}
+    limit = from_si(stored.breaking_strain(tension), "percent")
+    line = Line2D([], [], color=BREAK_COLOUR, marker="X", linestyle=":", markersize=5)
+    return {f"the yarn breaks ({limit:.3g} %); dotted: beyond": line}
 
 
 def plot_loading(ax, curve, values, *, label=None, **look):
@@ -249,13 +164,16 @@ def plot_loading(ax, curve, values, *, label=None, **look):
 
     A cross marks where the yarn breaks; returns its (strain in percent, value), or None.
     """
-    up = loading(curve)
-    strain, values = from_si(curve.strain.values[up], PERCENT), values[up]
-    beyond = curve.status.values[up] == BEYOND_BREAK
+    up = stored.loading(curve)
+    strain, values = from_si(curve.strain.values[up], "percent"), values[up]
+    beyond = curve.status.values[up] == stored.BEYOND_BREAK
     ax.plot(strain, np.where(beyond, np.nan, values), label=label, **look)
     if not beyond.any():
         return None
-    ax.plot(strain, np.where(beyond, values, np.nan), color=look["color"], linestyle=":")
+    dotted = np.where(stored.with_neighbours(beyond), values, np.nan)
+    ax.plot(strain, dotted, color=look["color"], linestyle=":")
     end = strain[beyond][0], values[beyond][0]
-    ax.plot(*end, marker="X", color=BREAK_COLOUR, markersize=5, linestyle="none", zorder=5)
+    ax.plot(
+        *end, marker="X", color=BREAK_COLOUR, markersize=5, linestyle="none", zorder=5, gid=BREAK
+    )
     return end

@@ -4,10 +4,11 @@ and Peirce's.
 
 import numpy as np
 
-from knitsim.figures import style
+from knitsim.figures import panels, style
 from knitsim.figures.loop import SIDE
 from knitsim.figures.readings import fabric_of
-from knitsim.figures.states import MM, fabric_name, heading, letter
+from knitsim.figures.solved import SET_COLOURS
+from knitsim.figures.stored import first_loop
 from knitsim.figures.tubes import draw_tubes
 from knitsim.units import from_si
 
@@ -41,10 +42,8 @@ def fig15_relaxed_fabric(relaxed, loop):
     """The stated loop and the one at rest, and the relaxed density over loop length and set."""
     fig = style.page(height_mm=142.0)
     above, below = fig.add_gridspec(2, 1, height_ratios=[1.25, 1.0])
-    heading(
-        fig,
-        f"Fig. 15  Fabric {fabric_name(relaxed)} at rest in the equilibrium model, beside its stated"
-        " density, Munden and Peirce",
+    panels.heading(
+        fig, "at rest in equilibrium, beside its stated density, Munden and Peirce", 15, relaxed
     )
     _draw_loops(fig, above, relaxed, loop)
     axes = dict(zip(_TITLES, below.subgridspec(1, 4).subplots(), strict=True))
@@ -53,11 +52,10 @@ def fig15_relaxed_fabric(relaxed, loop):
         title, label = _TITLES[name]
         ax.set_xlabel("loop length l/d (1)")
         ax.set_ylabel(label)
-        letter(ax, f"({key}) {title}")
+        panels.letter(ax, key, title)
     missing = int(np.isnan(relaxed.compared_spacing.values[..., 0]).sum())
-    fig.legend(
-        *axes["kc"].get_legend_handles_labels(), loc="outside lower center", ncols=3, title_fontsize=7,
-        title=None if not missing else
+    panels.legend(
+        fig, panels.labelled([axes["kc"]]), note="" if not missing else
         f"{missing} of {relaxed.compared_spacing[..., 0].size} fabrics found no state at rest; the"
         " reasons are in the result file.",
     )  # fmt: skip
@@ -72,13 +70,13 @@ def _draw_loops(fig, place, relaxed, loop):
         1.75 * max(float(state.course_spacing) for state in states.values()),
     )
     deep = 2.3 * max(
-        np.ptp(state.centreline.values[:, 2]) + float(state.diameter) for state in states.values()
+        np.ptp(state.centreline.values[..., 2]) + float(state.diameter) for state in states.values()
     )
     axes = place.subgridspec(1, 4, width_ratios=[2 * reach[0], 2 * reach[0], deep, deep]).subplots()
     for k, (name, state) in enumerate(states.items()):
-        w, c = (from_si(float(state[f"{of}_spacing"]), MM) for of in ("wale", "course"))
+        w, c = (from_si(float(state[f"{of}_spacing"]), "mm") for of in ("wale", "course"))
         yarns, shift = fabric_of(state, 7, 7)
-        points = state.centreline.values
+        points = first_loop(state)
         centre = shift + 0.5 * (points.min(0) + points.max(0))
         lines = [line - centre for line in yarns.polylines]
         radius = 0.5 * float(state.diameter)
@@ -93,9 +91,10 @@ def _draw_loops(fig, place, relaxed, loop):
             [colours[begin:] for colours in yarns.colours], SIDE,
             window=(-0.5 * deep, 0.5 * deep, -reach[1], reach[1]),
         )  # fmt: skip
-        letter(face, f"({'ab'[k]}) {name}\nw = {w:.3f} mm, c = {c:.3f} mm")
-        letter(side, f"({'cd'[k]}) {name},\nside")
-        side.locator_params(axis="x", nbins=3)
+        panels.letter(face, "ab"[k], f"{name}\nw = {w:.3f} mm, c = {c:.3f} mm")
+        panels.letter(side, "cd"[k], f"{name},\nside")
+        end = float(f"{from_si(0.35 * deep, 'mm'):.1g}")
+        side.set_xticks([-end, 0.0, end], [f"{x:g}" for x in (-end, 0.0, end)])
         side.set_xlabel(side.get_xlabel(), fontsize=6.5)
     for ax in axes[1:]:
         ax.set_ylabel("")
@@ -105,7 +104,7 @@ def _draw_density(axes, relaxed):
     """Curves over loop length for every set, Munden, Peirce, and the fabric itself."""
     d, own = float(relaxed.diameter), float(relaxed.loop_length)
     lengths = relaxed.compared_loop_length.values
-    shades = [style.COLOURS["equilibrium"], "#6E2F00", "#F5A673", style.YELLOW]
+    shades = [style.COLOURS["equilibrium"], *SET_COLOURS]
     for k, fraction in enumerate(relaxed["set"].values):
         wale, course = relaxed.compared_spacing.sel(set=fraction).values.T
         for name, values in constants(lengths, wale, course, d).items():

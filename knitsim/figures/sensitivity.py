@@ -3,7 +3,7 @@
 import numpy as np
 
 from knitsim.figures import style
-from knitsim.figures.states import fabric_name, heading, letter
+from knitsim.figures.panels import heading, labelled, legend, letter, say
 from knitsim.units import from_si
 
 _GROUPS = {
@@ -28,10 +28,9 @@ def fig33_sensitivity(sensitivity):
     fig, axes = style.figure(height_mm=38.0 + 11.0 * len(inputs), columns=len(groups), sharey=True)
     force = from_si(sensitivity.attrs["force_per_width"], "N_per_mm")
     heading(
-        fig,
-        f"Fig. 33  Fabric {fabric_name(sensitivity)}: per cent of each result for 1 % of each input "
-        f"(strain at {force:.3g} N/mm, first loading)",
-    )
+        fig, f"per cent of each result for 1 % of each input (strain at {force:.3g} N/mm, first loading)",
+        33, sensitivity,
+    )  # fmt: skip
     at = np.arange(len(inputs))
     for ax, text, (title, names) in zip(axes[0], "abcd", groups.items(), strict=False):
         for k, name in enumerate(names):
@@ -46,21 +45,19 @@ def fig33_sensitivity(sensitivity):
                 label=f"{direction}", xerr=np.nan_to_num(noise),
                 error_kw={"linewidth": 0.7, "capsize": 1.5},
             )  # fmt: skip
-            for y, value in zip(place, values, strict=True):
+            for y, value, off in zip(place, values, np.nan_to_num(noise), strict=True):
                 if not np.isfinite(value):
                     shown = "no result"
                 else:
                     shown = f"{value:+.2f}" if abs(value) >= _LEAST_SHOWN else "0"
                 right = not value < 0
-                ax.annotate(
-                    shown, (np.nan_to_num(value), y), xytext=(6 if right else -6, 0),
-                    textcoords="offset points", ha="left" if right else "right", va="center",
-                    fontsize=5.6,
-                )  # fmt: skip
+                end = np.nan_to_num(value) + (off if right else -off)
+                offset, ha = (6 if right else -6, 0), "left" if right else "right"
+                say(ax, shown, (end, y), offset, ha=ha, fontsize=5.6)
         ax.axvline(0.0, color=style.BLACK, linewidth=0.6)
-        ax.margins(x=0.45)
+        ax.margins(x=0.55)
         ax.set_xlabel("% per %")
         ax.set_yticks(at, [name.replace("_", " ") for name in inputs])
-        letter(ax, f"({text}) {title}")
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+        letter(ax, text, title)
+    legend(fig, labelled(axes.flat), ncols=2)
     return fig

@@ -5,7 +5,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
 from knitsim.figures import style
-from knitsim.figures.states import heading, letter
+from knitsim.figures.panels import heading, letter, say
 
 # Drawn in this order, so that what went astray lies on top.
 _OUTCOMES = {
@@ -44,7 +44,7 @@ def stress_map(rows, limits):
     ax.plot(ends, 16.0 * limits["narrow"] * ends, color=style.BLACK, linestyle="--", linewidth=0.8)
     ax.set(xscale="log", yscale="log", xlabel=r"compression $K d / k_1$ (1)")
     ax.set_ylabel(r"bending rigidity $16 B / (k_1 d^2)$ (1)")
-    letter(ax, "a  yarn: bending and compression")
+    letter(ax, "a", "yarn: bending and compression")
     ax = axes[0, 1]
     _scatter(ax, rows, bulk, room, np.ones(len(rows), dtype=bool))
     ax.axhline(limits["room"], color=style.BLACK, linestyle="--", linewidth=0.8)
@@ -55,22 +55,22 @@ def stress_map(rows, limits):
         axis.set_major_locator(FixedLocator(ticks))
         axis.set_minor_locator(NullLocator())
         axis.set_major_formatter(ScalarFormatter())
-    letter(ax, "b  tight and open fabrics")
+    letter(ax, "b", "tight and open fabrics")
     ax = axes[0, 2]
     _scatter(ax, rows, 1e2 * asked, value["friction"], ~bends)
     ax.set(xlabel="strain asked (%)", ylabel="friction (1)")
-    letter(ax, "c  tension: strain and friction")
+    letter(ax, "c", "tension: strain and friction")
     ax = axes[1, 0]
     _scatter(ax, rows, np.abs(value["curvature"]) * d, rigidity, bends)
     ax.axvline(limits["curvature"], color=style.BLACK, linestyle="--", linewidth=0.8)
     ax.set(xscale="log", yscale="log", xlabel=r"curvature $|\kappa| d$ (1)")
     ax.set_ylabel(r"bending rigidity $16 B / (k_1 d^2)$ (1)")
-    letter(ax, "d  bending: curvature")
+    letter(ax, "d", "bending: curvature")
     _families(axes[1, 1], every, limits["families"], "yes")
-    letter(axes[1, 1], "e  possible cases")
+    letter(axes[1, 1], "e", "possible cases")
     _families(axes[1, 2], every, limits["families"], "no")
     axes[1, 2].set_yticklabels([])
-    letter(axes[1, 2], "f  cases called impossible")
+    letter(axes[1, 2], "f", "cases called impossible")
     fig.legend(handles=_legend(), loc="outside lower center", ncols=3)
     return fig
 
@@ -114,9 +114,7 @@ def _families(ax, rows, families, possible):
             share = 100.0 * own.count(outcome) / max(len(own), 1)
             ax.barh(place, share, left=left, color=colour, height=0.7)
             left += share
-        ax.annotate(
-            f" {len(own)}", (100.0, place), va="center", fontsize=6.5, annotation_clip=False
-        )
+        say(ax, f" {len(own)}", (100.0, place), fontsize=6.5, annotation_clip=False)
     ax.set_yticks(range(len(names)), names)
     ax.set(xlim=(0.0, 100.0), xlabel="share of the cases (%)")
 

@@ -6,13 +6,17 @@ Points are (..., 3) in metres with axes course, wale, thickness.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.colors import to_rgb
 
 from knitsim.errors import InputError
 from knitsim.figures import tubes_kernels as kernels
+from knitsim.figures.panels import scale_bar
 from knitsim.figures.style import DPI, YARN_COLOURS
+from knitsim.loop.frames import line_frames
+from knitsim.loop.repeat import fabric_courses
 from knitsim.units import from_si
 
 LARGEST_PICTURE = 20_000_000  # pixels; four samples each
@@ -85,76 +89,57 @@ class FabricYarns:
 
 
 def fabric_polylines(
-    centreline,
+    loops,
     wale_spacing,
     course_spacing,
     loops_wide=4,
     loops_high=4,
     *,
+    courses=1,
     colours="courses",
     slant=0.0,
     centred=False,
 ):
-    """One continuous polyline per course of a plain fabric, with colours; :class:`FabricYarns`.
+    """One continuous polyline per course of the fabric, with colours; :class:`FabricYarns`.
 
-    centreline: (m, 3) one loop (m), open at its period, that is without the first point of the next
-    loop; if that point is there, it is dropped.  The next loop of the course lies ``wale_spacing``
-    (m) along the course, the next course ``course_spacing`` (m) along the wale and, in a sheared
-    fabric, ``slant`` (m) along the course.  The first loop of the first course lies where it was
-    given, or, if ``centred``, the middle of the piece lies at the origin of course and wale.
+    loops: (loop, m, 3) (m), those of the repeating cell as the store has them, or one (m, 3); the last
+    point of a loop is the first of the next one in its course.  courses: in the cell.  The spacings
+    (m) and, in a sheared fabric, ``slant`` (m) along the course from course to course repeat it.  The
+    first loop lies where it was given, or, if ``centred``, the middle of the piece lies at the origin
+    of course and wale.
 
-    colours: "courses" alternates two colours by course; "centre" sets off the loop in the middle;
-    an array (m, 3) colours the points of each loop, say by tension; one colour is for all.
+    colours: "courses" alternates two colours by course; an array (m, 3) or (loop, m, 3) colours the
+    points of each loop, say by tension; one colour is for all.
     """
-    loop = np.asarray(centreline, dtype=float)
-    if loop.ndim != 2 or loop.shape[1] != 3 or len(loop) < 3 or not np.isfinite(loop).all():
-        raise InputError("centreline", loop.shape, "finite points (m, 3), at least 3 of them")
+    loops = np.asarray(loops, dtype=float)
+    loops = loops[None] if loops.ndim == 2 else loops
+    if loops.ndim != 3 or loops.shape[2] != 3 or loops.shape[1] < 3 or not np.isfinite(loops).all():
+        raise InputError("loops", loops.shape, "finite points (loop, m, 3), at least 3 of each")
     for name, value in (("wale_spacing", wale_spacing), ("course_spacing", course_spacing)):
         if not (np.isfinite(value) and value > 0):
             raise InputError(name, value, "must be above 0 (m)")
     for name, value in (("loops_wide", loops_wide), ("loops_high", loops_high)):
         if value != int(value) or value < 1:
             raise InputError(name, value, "must be a whole number from 1 on")
-    along = np.array([wale_spacing, 0.0, 0.0])
-    upward = np.array([slant, course_spacing, 0.0])
-    whole = len(loop)
-    if np.abs(loop[-1] - loop[0] - along).max() < 1e-6 * wale_spacing:
-        loop = loop[:-1]
-    first = np.concatenate([loop + i * along for i in range(loops_wide)])
-    first = np.concatenate([first, loop[:1] + loops_wide * along])
-    polylines = [first + j * upward for j in range(loops_high)]
+    size = loops_wide, loops_high
+    polylines = fabric_courses(
+        loops, wale_spacing, course_spacing, *size, courses=courses, slant=slant
+    )
     if centred:
         shift = 0.5 * (polylines[0][[0, -1]].mean(0) + polylines[-1][[0, -1]].mean(0))
         # The middle of the wale direction is that of the loops, not that of their first points.
-        shift[1] += 0.5 * (loop[:, 1].min() + loop[:, 1].max()) - loop[0, 1]
+        shift[1] += 0.5 * (loops[0, :, 1].min() + loops[0, :, 1].max()) - loops[0, 0, 1]
         shift[2] = 0.0
         polylines = [points - shift for points in polylines]
-    count = len(first)
-    if isinstance(colours, str) and colours in ("courses", "centre"):
-        pale, dark = (np.array(to_rgb(YARN_COLOURS[key])) for key in ("pale", "dark"))
-        if colours == "courses":
-            painted = [np.tile(dark if j % 2 else pale, (count, 1)) for j in range(loops_high)]
-        else:
-            painted = [np.tile(pale, (count, 1)) for _ in range(loops_high)]
-            begin = (loops_wide // 2) * len(loop)
-            middle = to_rgb(YARN_COLOURS["marked"])
-            painted[loops_high // 2][begin : begin + len(loop) + 1] = middle
-    else:
-        painted = [_loop_colours(colours, whole, len(loop), loops_wide)] * loops_high
-    return FabricYarns(polylines, painted)
-
-
-def _loop_colours(colours, whole, kept, loops_wide):
-    """Colours of one loop, (whole, 3) or one colour, repeated along a course and closed."""
-    if isinstance(colours, str):
-        colours = to_rgb(colours)
-    colours = np.asarray(colours, dtype=float)
-    if colours.shape == (3,):
-        return np.tile(colours, (kept * loops_wide + 1, 1))
-    if colours.shape not in ((whole, 3), (kept, 3)):
-        raise InputError("colours", colours.shape, f"one colour or ({whole}, 3), RGB per point")
-    repeated = np.tile(colours[:kept], (loops_wide, 1))
-    return np.concatenate([repeated, colours[:1]])
+    if isinstance(colours, str) and colours == "courses":
+        rows = [to_rgb(YARN_COLOURS["dark" if j % 2 else "pale"]) for j in range(loops_high)]
+        return FabricYarns(polylines, [np.tile(rgb, (len(polylines[0]), 1)) for rgb in rows])
+    rgb = np.asarray(to_rgb(colours) if isinstance(colours, str) else colours, dtype=float)
+    if rgb.shape not in ((3,), loops.shape[1:], loops.shape):
+        raise InputError("colours", rgb.shape, f"one colour or {loops.shape}, RGB per point")
+    painted = np.broadcast_to(rgb, loops.shape)
+    # Repeated as the loops are, from one place.
+    return FabricYarns(polylines, fabric_courses(painted, 0.0, 0.0, *size, courses=courses))
 
 
 @dataclass(frozen=True)
@@ -212,7 +197,7 @@ def render_tubes(
     sample = 0.5 * pixel
     nodes[:, :3] = (nodes[:, :3] - [extent[0], extent[2], 0.0]) / sample
     nodes[:, kernels.RADIUS] /= sample
-    kernels.carry_frames(nodes, starts)
+    _carry_frames(nodes, starts)
     depth, owner = _z_buffer(nodes[:, :3], nodes, starts, 2 * rows, 2 * columns)
     shadow, look = _shadow_map(nodes, starts, light)
     if twist:
@@ -224,6 +209,17 @@ def render_tubes(
     kernels.look_up(nodes, depth, owner, sky)
     kernels.paint(nodes, depth, owner, sky, shadow, look, picture)
     return TubeImage(np.ascontiguousarray(picture[::-1]), extent)
+
+
+def _carry_frames(nodes, starts):
+    """Fill tangent, frame and arc length of the nodes of every yarn."""
+    for first, end in pairwise(starts):
+        yarn = nodes[first:end]
+        tangents, normals = line_frames(yarn[:, :3])
+        yarn[:, kernels.TANGENT : kernels.TANGENT + 3] = tangents
+        yarn[:, kernels.FRAME : kernels.FRAME + 3] = normals
+        steps = np.linalg.norm(np.diff(yarn[:, :3], axis=0), axis=1)
+        yarn[1:, kernels.ARC] = np.cumsum(steps)
 
 
 def _nodes(polylines, radius, colours, view):
@@ -354,9 +350,6 @@ def _scale_bar(ax, extent):
     power = 10.0 ** np.floor(np.log10(about))
     length = power * max(step for step in (1, 2, 5) if step * power <= about)
     y = bottom - 0.03 * (top - bottom)
-    ax.plot([left, left + length], [y, y], color="black", linewidth=2.0, solid_capstyle="butt")
-    ax.annotate(
-        f"{length:g} mm", (left + length, y), (5, 0), textcoords="offset points", va="center"
-    )
+    scale_bar(ax, (left, y), length, f"{length:g} mm")
     ax.set_xlim(left, right)
     ax.set_ylim(bottom - 0.06 * (top - bottom), top)

@@ -41,43 +41,6 @@ GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
 
 @njit
-def carry_frames(nodes, starts):
-    """Fill TANGENT, FRAME and ARC of the nodes of every yarn; starts: first node of each, and end.
-
-    A tangent halves the angle between the chords beside it; a frame is its predecessor projected.
-    """
-    for yarn in range(starts.size - 1):
-        arc = 0.0
-        for i in range(starts[yarn], starts[yarn + 1]):
-            tangent = np.zeros(3)
-            for j in range(max(i - 1, starts[yarn]), min(i + 1, starts[yarn + 1] - 1)):
-                chord = nodes[j + 1, :3] - nodes[j, :3]
-                tangent += chord / math.sqrt(np.sum(chord * chord))
-            norm = math.sqrt(np.sum(tangent * tangent))
-            if norm < 1e-9:  # the yarn turns straight back: the chord behind stands in
-                tangent = nodes[i, :3] - nodes[i - 1, :3]
-                norm = math.sqrt(np.sum(tangent * tangent))
-            tangent /= norm
-            if i == starts[yarn]:
-                frame = np.zeros(3)
-                frame[np.argmin(np.abs(tangent))] = 1.0
-            else:
-                frame = nodes[i - 1, FRAME : FRAME + 3].copy()
-                chord = nodes[i, :3] - nodes[i - 1, :3]
-                arc += math.sqrt(np.sum(chord * chord))
-            frame -= np.sum(frame * tangent) * tangent
-            norm = math.sqrt(np.sum(frame * frame))
-            if norm < 1e-9:  # a turn of a right angle in the plane of the frame
-                frame = np.zeros(3)
-                frame[np.argmin(np.abs(tangent))] = 1.0
-                frame -= np.sum(frame * tangent) * tangent
-                norm = math.sqrt(np.sum(frame * frame))
-            nodes[i, TANGENT : TANGENT + 3] = tangent
-            nodes[i, FRAME : FRAME + 3] = frame / norm
-            nodes[i, ARC] = arc
-
-
-@njit
 def _span(a, b, low, high, first, last):
     """The x between first and last with low <= a x + b <= high."""
     if abs(a) < 1e-12:

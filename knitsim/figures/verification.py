@@ -5,7 +5,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
 from knitsim.figures import style
-from knitsim.figures.states import heading, letter
+from knitsim.figures.panels import heading, letter, note, say
 
 _LEAST = 1e-8  # errors below are round-off and drawn here
 _MARKERS = "os^Dv<>PX"
@@ -23,18 +23,14 @@ def fig17_verification(verification):
     """
     groups = list(dict.fromkeys(verification.case_group.values.tolist()))
     fig, axes = style.figure(height_mm=128.0, columns=len(groups), sharex=True, sharey=True)
-    heading(
-        fig, "Fig. 17  The equilibrium solver against exact answers, on the kernels of the fabric"
-    )
+    heading(fig, "The equilibrium solver against exact answers, on the kernels of the fabric", 17)
     elements = verification.elements.values
     for ax, group, text in zip(axes[0], groups, "abcdefgh", strict=False):
         own = verification.isel(comparison=np.flatnonzero(verification.case_group == group))
         for limit in np.unique(own.error_limit):
             ax.axhline(limit, color=style.GREY, linewidth=0.9, linestyle=":")
-            ax.annotate(
-                f"limit\n{limit:g}", (1.0, limit), xycoords=ax.get_yaxis_transform(),
-                xytext=(2, 0), textcoords="offset points", va="center", fontsize=6.5,
-            )  # fmt: skip
+            end = {"xycoords": ax.get_yaxis_transform(), "fontsize": 6.5}
+            say(ax, f"limit\n{limit:g}", (1.0, limit), (2, 0), **end)
         handles = []
         for number, case in enumerate(dict.fromkeys(own.case.values.tolist())):
             handles.append(_line(ax, _largest(own, case), case, number))
@@ -46,14 +42,14 @@ def fig17_verification(verification):
         ax.xaxis.set_minor_locator(NullLocator())
         ax.xaxis.set_major_formatter(ScalarFormatter())
         ax.set_xlabel("elements (1)")
-        letter(ax, f"{text}  {group}")
+        letter(ax, text, group)
         ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.14), fontsize=6.3)
     axes[0, 0].set_ylabel("relative error (1)")
-    fig.supxlabel(
+    note(
+        fig,
         "Of each case the quantity with the largest error at the right (of those that show an order)."
-        "  Order: fitted to the errors above the level\nthat more elements cannot lower (stretch of the"
+        "  Order: fitted to the errors above the level that more elements cannot lower (stretch of the"
         f" yarn, compliance of the contact, rounding of the law).  Hollow: below {_LEAST:g}.",
-        fontsize=7,
     )
     return fig
 

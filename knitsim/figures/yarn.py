@@ -10,7 +10,7 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import style
-from knitsim.figures.states import fabric_name, heading, letter
+from knitsim.figures.panels import heading, letter, say, scale_bar
 from knitsim.figures.tubes import View, draw_tubes, view_of
 from knitsim.units import from_si
 
@@ -53,6 +53,11 @@ def straight_fibres(positions, twist, length, steps):
     )
 
 
+def twist_text(twist):
+    """A twist (1/m) in words."""
+    return f"{abs(twist):.0f} turns/m {'Z' if twist > 0 else 'S'}" if twist else "no twist"
+
+
 def fibre_colours(count, marked=()):
     """RGB (count, 3) of drawn fibres: shades of undyed yarn in turn, some of them set off."""
     pale = np.array(to_rgb(style.YARN_COLOURS["pale"]))
@@ -84,35 +89,30 @@ def fig01_yarn_springs(yarn):
     """The simulated yarn's parts: mass points, its three kinds of springs, and all its fibres."""
     positions = yarn["fibre_position"].values
     diameter = float(yarn["diameter"])
-    with style.context():
-        fig, axes = style.figure(
-            height_mm=106.0, rows=2, columns=2, height_ratios=[3.6, 1], width_ratios=[1.75, 1]
-        )
-        dtex = from_si(float(yarn["linear_density"]), "dtex")
-        turns = abs(float(yarn["twist"]))
-        direction = "Z" if float(yarn["twist"]) > 0 else "S"
-        heading(
-            fig,
-            f"The simulated yarn “{fabric_name(yarn)}”: {dtex:g} dtex, "
-            f"{from_si(diameter, 'um'):.1f} µm, {len(positions)} fibres of "
-            f"{from_si(float(yarn['fibre_diameter']), 'um'):.1f} µm, "
-            + (f"{turns:.0f} turns/m {direction}" if turns else "no twist"),
-        )
-        # Fibres of the side that is seen, so that their springs hide nothing.
-        reach = np.linalg.norm(positions, axis=1).max()
-        marked = _nearest(positions, _polar(reach, [5.0, 58.0, 102.0, 165.0]))
-        _draw_springs(axes[0, 0], yarn, marked)
-        _draw_section(axes[0, 1], yarn, marked)
-        ax = span(axes[1])
-        length = 14.0 * diameter
-        fibres = straight_fibres(positions, float(yarn["twist"]), length, 60)
-        draw_tubes(
-            ax, list(fibres), 0.5 * float(yarn["fibre_diameter"]),
-            fibre_colours(len(positions), marked), ALONG,
-            window=(0.0, length, -0.58 * diameter, 0.58 * diameter),
-        )  # fmt: skip
-        letter(ax, "(c) All fibres at true size and twist; those of (a) set off", y=1.08)
-        return fig
+    fig, axes = style.figure(
+        height_mm=106.0, rows=2, columns=2, height_ratios=[3.6, 1], width_ratios=[1.75, 1]
+    )
+    dtex = from_si(float(yarn["linear_density"]), "dtex")
+    heading(
+        fig, f"{dtex:g} dtex, {from_si(diameter, 'um'):.1f} µm, {len(positions)} fibres of"
+        f" {from_si(float(yarn['fibre_diameter']), 'um'):.1f} µm, {twist_text(float(yarn['twist']))}",
+        1, yarn,
+    )  # fmt: skip
+    # Fibres of the side that is seen, so that their springs hide nothing.
+    reach = np.linalg.norm(positions, axis=1).max()
+    marked = _nearest(positions, _polar(reach, [5.0, 58.0, 102.0, 165.0]))
+    _draw_springs(axes[0, 0], yarn, marked)
+    _draw_section(axes[0, 1], yarn, marked)
+    ax = span(axes[1])
+    length = 14.0 * diameter
+    fibres = straight_fibres(positions, float(yarn["twist"]), length, 60)
+    draw_tubes(
+        ax, list(fibres), 0.5 * float(yarn["fibre_diameter"]),
+        fibre_colours(len(positions), marked), ALONG,
+        window=(0.0, length, -0.58 * diameter, 0.58 * diameter),
+    )  # fmt: skip
+    letter(ax, "c", "All fibres at true size and twist; those of (a) set off", y=1.08)
+    return fig
 
 
 def _coil(start, end, amplitude, turns=6):
@@ -173,15 +173,12 @@ def _draw_springs(ax, yarn, marked):
     ax.set_axis_off()
     low, high = np.min(outlines, axis=(0, 1)), np.max(outlines, axis=(0, 1))
     bar, y = 100.0, low[1] - 0.1 * from_si(diameter, "um")
-    ax.plot([low[0], low[0] + bar], [y, y], color="black", linewidth=2.0, solid_capstyle="butt")
-    ax.annotate(
-        f"{bar:g} µm across the yarn; along it drawn {stretch} times as long",
-        (low[0] + bar, y), (5, 0), textcoords="offset points", va="center", fontsize=7,
-    )  # fmt: skip
+    text = f"{bar:g} µm across the yarn; along it drawn {stretch} times as long"
+    scale_bar(ax, (low[0], y), bar, text)
     ax.set_xlim(low[0] - 12.0, high[0] + 12.0)
     ax.set_ylim(y - 12.0, high[1] + 0.2 * from_si(diameter, "um"))
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=2, handlelength=1.6)
-    letter(ax, "(a) Mass points and springs of successive sections")
+    letter(ax, "a", "Mass points and springs of successive sections")
 
 
 def _draw_section(ax, yarn, marked):
@@ -211,7 +208,7 @@ def _draw_section(ax, yarn, marked):
         axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     ax.set_xlabel("x (µm)")
     ax.set_ylabel("y (µm)")
-    letter(ax, "(b) Section at true size")
+    letter(ax, "b", "Section at true size")
 
 
 # Fig. 2 -----------------------------------------------------------------------------------------
@@ -233,27 +230,25 @@ def fig02_fibre_sections(yarn):
     targets = _polar(reach * np.array([1.0, 0.75, 0.5, 0.3]), np.array([42.0, 110.0, 215.0, 310.0]))
     fibres = _nearest(positions, targets)
     turn = np.degrees(2.0 * np.pi * float(yarn["twist"]) * float(yarn["section_spacing"]))
-    with style.context():
-        fig, axes = style.figure(height_mm=112.0, rows=2, columns=2, width_ratios=[1, 1.9])
-        heading(
-            fig,
-            f"Fibres of the yarn “{fabric_name(yarn)}” over {yarn.sizes['section']} successive "
-            f"sections, each turned by {abs(turn):.3g}° against the one before",
-        )
-        rows = zip(_TWIST_FORMS.items(), "ac", "bd", strict=True)
-        for row, ((form, (title, along)), left, right) in enumerate(rows):
-            path = yarn["fibre_path"].sel(twist_form=form).values
-            ends = ("0, 2, …", "1, 3, …") if form == "printed" else ("0", str(len(path) - 1))
-            _draw_fibres(axes[row], yarn, path, fibres, ends)
-            letter(axes[row, 0], f"({left}) {title}")
-            letter(axes[row, 1], f"({right}) {along}")
-        handles, labels = axes[0, 1].get_legend_handles_labels()
-        for line, white, text in (("-", False, "x"), ("--", True, "y")):
-            face = {"markerfacecolor": "white"} if white else {}
-            handles += [Line2D([], [], color=style.GREY, linestyle=line, marker="o", **face)]
-            labels += [text]
-        fig.legend(handles, labels, loc="outside lower center", ncols=len(labels), handlelength=2.8)
-        return fig
+    fig, axes = style.figure(height_mm=112.0, rows=2, columns=2, width_ratios=[1, 1.9])
+    heading(
+        fig, f"fibres over {yarn.sizes['section']} successive sections, each turned by {abs(turn):.3g}°", 2,
+        yarn,
+    )  # fmt: skip
+    rows = zip(_TWIST_FORMS.items(), "ac", "bd", strict=True)
+    for row, ((form, (title, along)), left, right) in enumerate(rows):
+        path = yarn["fibre_path"].sel(twist_form=form).values
+        ends = ("0, 2, …", "1, 3, …") if form == "printed" else ("0", str(len(path) - 1))
+        _draw_fibres(axes[row], yarn, path, fibres, ends)
+        letter(axes[row, 0], left, f"{title}")
+        letter(axes[row, 1], right, f"{along}")
+    handles, labels = axes[0, 1].get_legend_handles_labels()
+    for line, white, text in (("-", False, "x"), ("--", True, "y")):
+        face = {"markerfacecolor": "white"} if white else {}
+        handles += [Line2D([], [], color=style.GREY, linestyle=line, marker="o", **face)]
+        labels += [text]
+    fig.legend(handles, labels, loc="outside lower center", ncols=len(labels), handlelength=2.8)
+    return fig
 
 
 def _draw_fibres(axes, yarn, path, fibres, ends):
@@ -274,10 +269,8 @@ def _draw_fibres(axes, yarn, path, fibres, ends):
             last = 1 if ends[1].startswith("1,") else len(x) - 1
             for number, text in zip((0, last), ends, strict=True):
                 place = np.array([x[number], y[number]])
-                across.annotate(
-                    text, place, 8.0 * place / max(radius, 1e-9), textcoords="offset points", fontsize=7,
-                    ha="left" if place[0] > 0 else "right", va="center",
-                )  # fmt: skip
+                offset, ha = 8.0 * place / max(radius, 1e-9), "left" if place[0] > 0 else "right"
+                say(across, text, place, offset, ha=ha)
         along.plot(z, x, "-o", color=colour, markersize=3.2, label=f"radius {radius:.1f} µm")
         along.plot(
             z, y, "--o", color=colour, markersize=3.2, markerfacecolor="white", linewidth=1.0

@@ -1,13 +1,13 @@
 """Figure of the yarn's simulated tensile test (paper's Fig. 12), from its result file."""
 
 import json
-from pathlib import Path
+from pathlib import PurePath
 
 import numpy as np
 
 from knitsim.errors import InputError
-from knitsim.figures import style
-from knitsim.figures.states import fabric_name, heading, letter
+from knitsim.figures import panels, style
+from knitsim.figures.stored import fabric_name
 from knitsim.figures.yarn import span
 from knitsim.units import from_si, to_si
 
@@ -30,42 +30,54 @@ def fig12_yarn_tension(yarn):
         )
     variants = [str(name) for name in np.atleast_1d(yarn["variant"].values)]
     tests = {name: yarn.sel(variant=name) for name in variants}
-    with style.context():
-        fig, axes = style.figure(
-            height_mm=112.0, rows=len(variants), columns=2, width_ratios=[1.75, 1]
-        )
-        heading(fig, f"Simulated tensile test of the yarn “{fabric_name(yarn)}”")
-        ax = span(axes[:, 0])
-        _draw_tension(ax, yarn, tests)
-        letter(ax, "(a) Tension against strain")
-        for right, (name, test), key in zip(axes[:, 1], tests.items(), "bc", strict=False):
-            _draw_energy(right, test)
-            letter(right, f"({key}) Energy, {_SAID[name]}")
-        lowest = min(right.get_ylim()[0] for right in axes[:, 1])
-        highest = max(right.get_ylim()[1] for right in axes[:, 1])
-        for right in axes[:, 1]:
-            right.set_ylim(lowest, highest)
-        handles = {}
-        for right in axes[:, 1]:
-            lines, labels = right.get_legend_handles_labels()
-            handles |= dict(zip(labels, lines, strict=True))
-        axes[-1, 1].legend(
-            handles.values(), handles, loc="upper center", ncols=2, handlelength=1.5,
-            bbox_to_anchor=(0.5, -0.12 * len(variants)),
-        )  # fmt: skip
-        return fig
+    fig, axes = style.figure(height_mm=112.0, rows=len(variants), columns=2, width_ratios=[1.75, 1])
+    panels.heading(fig, "simulated tensile test", 12, yarn)
+    ax = span(axes[:, 0])
+    _draw_tension(ax, yarn, tests)
+    panels.letter(ax, "a", "Tension against strain")
+    for right, (name, test), key in zip(axes[:, 1], tests.items(), "bc", strict=False):
+        _draw_energy(right, test)
+        panels.letter(right, key, f"Energy, {_SAID[name]}")
+    lowest = min(right.get_ylim()[0] for right in axes[:, 1])
+    highest = max(right.get_ylim()[1] for right in axes[:, 1])
+    for right in axes[:, 1]:
+        right.set_ylim(lowest, highest)
+    handles = panels.labelled(axes[:, 1])
+    axes[-1, 1].legend(
+        handles.values(), handles, loc="upper center", ncols=2, handlelength=1.5,
+        bbox_to_anchor=(0.5, -0.14 * len(variants)),
+    )  # fmt: skip
+    if "corrected" in tests:
+        panels.note(fig, _share_of_law(yarn, tests["corrected"]))
+    return fig
+
+
+def _share_of_law(yarn, test):
+    """How much of its law the simulated yarn carries, in words, and why it is not all of it."""
+    law, top = yarn.sel(form="continuous"), int(np.argmax(test["strain"].values))
+    strain, held = float(test["strain"][top]), np.isfinite(law["law_strain"].values)
+    given = np.interp(strain, law["law_strain"].values[held], law["law_tension"].values[held])
+    radius = np.linalg.norm(yarn["fibre_position"].values, axis=1)
+    angle = np.arctan(2.0 * np.pi * radius * float(yarn["twist"]))
+    inward = 1.0 - float(test["mean_radius_ratio"][top])
+    return (
+        f"At {from_si(strain, 'percent'):.3g} % the simulated yarn carries"
+        f" {100.0 * float(test['yarn_tension'][top]) / given:.0f} % of its law.  The law is shared out"
+        " among its fibres, which lie at up to"
+        f" {np.degrees(np.abs(angle).max()):.0f}° to the yarn: with a rigid section"
+        f" {100.0 * np.mean(np.cos(angle) ** 3):.0f} % are left (mean cos³ of their angle, Hearle 1969);"
+        f" the section also gives way, by {100.0 * inward:.2g} % of its radius."
+    )
 
 
 def _draw_tension(ax, yarn, tests):
     percent = from_si(1.0, "percent")
     if "curve_tension" in yarn:
-        source = Path(yarn.attrs["calibration_source"])
-        # The stated name of a curve that stands in for the paper's; any other one is the user's.
-        stem = REBUILT if source.stem.endswith("_rebuilt") else f"given curve, {source.name}"
+        given = f"given curve, {PurePath(yarn.attrs['calibration_source']).name}"
         ax.plot(
             percent * yarn["curve_strain"], yarn["curve_tension"], "o", color=style.BLACK,
             markersize=2.6, markerfacecolor="white", markeredgewidth=0.7, markevery=2,
-            label=stem,
+            label=REBUILT if _is_rebuilt(yarn) else given,
         )  # fmt: skip
     law = yarn.sel(form="continuous")
     ax.plot(
@@ -102,10 +114,13 @@ def _draw_tension(ax, yarn, tests):
     ax.legend(loc="upper left", borderaxespad=0.2)
     if "curve_tension" in yarn:
         for place, lines in zip((0.0, 0.6), _constants(yarn, tests), strict=True):
-            ax.annotate(
-                "\n".join(lines), (place, 0.0), (0.0, -30.0), xycoords="axes fraction",
-                textcoords="offset points", va="top", fontsize=6.5, linespacing=1.4,
-            )  # fmt: skip
+            look = {"xycoords": "axes fraction", "va": "top", "fontsize": 6.5, "linespacing": 1.4}
+            panels.say(ax, "\n".join(lines), (place, 0.0), (0.0, -30.0), **look)
+
+
+def _is_rebuilt(yarn):
+    """Whether the yarn's curve was computed from stated constants, and not measured."""
+    return bool(yarn["curve_origin"])
 
 
 def _draw_phases(ax, test, values, colour, label, **options):
@@ -134,14 +149,9 @@ def _say_misfit(ax, tests):
     top = {name: int(np.argmax(test["strain"].values)) for name, test in tests.items()}
     low, high = (float(tests[n]["yarn_tension"][top[n]]) for n in ("corrected", "printed"))
     strain = from_si(float(tests["printed"]["strain"][top["printed"]]), "percent")
-    ax.annotate(
-        "", (strain, high), (strain, low),
-        arrowprops={"arrowstyle": "<->", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0},
-    )  # fmt: skip
-    ax.annotate(
-        f"printed {high / low - 1.0:+.0%}".replace("%", " %").replace("-", "−"),
-        (strain, high), (0, 4), textcoords="offset points", ha="center", fontsize=7,
-    )  # fmt: skip
+    panels.arrow(ax, (strain, high), (strain, low))
+    text = f"printed {high / low - 1.0:+.0%}".replace("%", " %").replace("-", "−")
+    panels.say(ax, text, (strain, high), (0, 4), ha="center", va="bottom")
 
 
 def _constants(yarn, tests):
@@ -150,7 +160,11 @@ def _constants(yarn, tests):
     fibres = yarn.sizes["fibre"]
     law = json.loads(yarn.attrs["configuration"])["values"]["tension_law"]
     by_filament = law is not None and law.get("per") == "filament"
-    lines = ["Calibrated constants (95 % interval):"]
+    rebuilt = _is_rebuilt(yarn)
+    lines = [
+        "Constants, found again in their curve:"
+        if rebuilt else "Calibrated constants (95 % interval):"
+    ]  # fmt: skip
     for k, name in enumerate(yarn["parameter"].values):
         value, unit = float(yarn["fitted_value"][k]), str(yarn["parameter_units"][k].values)
         low, high = yarn["fitted_interval"].values[k]
@@ -167,7 +181,8 @@ def _constants(yarn, tests):
             text += f" = {fibres} × {value / fibres:.3g} {unit}"
         lines.append(text)
     law = from_si(float(yarn["fit_rms"]), "percent")
-    misfits = ["Misfit, rms, of the curve's greatest tension:", f"calibrated law {_short(law)} %"]
+    misfits = ["Misfit, rms, of the curve's greatest tension:"]
+    misfits += [] if rebuilt else [f"calibrated law {_short(law)} %"]
     for name, test in tests.items():
         misfits.append(f"simulated, {_SAID[name]} {_misfit(yarn, test):.1f} %")
     return lines, misfits

@@ -3,17 +3,16 @@
 import numpy as np
 from matplotlib.lines import Line2D
 
-from knitsim.figures import style
+from knitsim.figures import panels, style
 from knitsim.figures.relaxed import MUNDEN
-from knitsim.figures.states import MM, PERCENT, fabric_name, heading, letter
 from knitsim.figures.style import COLOURS
-from knitsim.units import from_si, to_si
+from knitsim.store.results import DIRECTIONS
+from knitsim.units import from_si
 
-DIRECTIONS = ("course", "wale")
 SWEPT = {
-    "loop_length": ("swept_loop_length", "loop length (mm)", MM),
-    "diameter": ("swept_diameter", "yarn diameter (mm)", MM),
-    "set": ("swept_set", "set of the yarn (%)", PERCENT),
+    "loop_length": ("swept_loop_length", "loop length (mm)", "mm"),
+    "diameter": ("swept_diameter", "yarn diameter (mm)", "mm"),
+    "set": ("swept_set", "set of the yarn (%)", "percent"),
 }
 # Of the sets compared, in order.
 SET_LINES = ("-", "--", "-.", ":")
@@ -31,10 +30,8 @@ def straight_rigidity(rows, direction):
 def fig21_yarn_to_fabric(rigidity):
     """Rigidity of the fabric over its yarn's, and curl, over loop length, diameter and set."""
     fig, axes = style.figure(height_mm=168.0, rows=3, columns=3, sharey="row")
-    heading(
-        fig,
-        f"Fig. 21  From yarn to fabric {fabric_name(rigidity)}: bending rigidity over the yarn's, and"
-        " curl",
+    panels.heading(
+        fig, "its bending rigidity over that of the yarn, and curl, without friction", 21, rigidity
     )
     for column, (swept, (name, label, unit)) in enumerate(SWEPT.items()):
         rows = rigidity.isel(row=np.flatnonzero(rigidity.swept.values == swept))
@@ -49,15 +46,14 @@ def fig21_yarn_to_fabric(rigidity):
         axes[2, column].axhline(0.0, color=style.GREY, linewidth=0.5, zorder=0)
         for ax, key in zip(axes[:, column], ("adg", "beh", "cfi")[column], strict=True):
             ax.set_xlabel(label)
-            letter(ax, f"({key})")
+            panels.letter(ax, key, f"over {label.partition(' (')[0]}")
     for ax, direction in zip(axes[:2, 0], DIRECTIONS, strict=True):
         ax.set_ylabel(f"bent along the {direction}:\nfabric over yarn rigidity (1/mm)")
     for ax in axes[:2].flat:
         ax.set_ylim(bottom=0.0)
     axes[2, 0].set_ylabel("moment that\nholds it flat (mN)")
-    fig.legend(*_legend(rigidity), loc="outside lower center", ncols=3)
-    if rigidity.attrs["not_reached"]:
-        fig.supxlabel("Some fabrics were not reached; the file says why.", fontsize=7)
+    missing = "Some fabrics were not reached; the file says why."
+    panels.legend(fig, _legend(rigidity), note=missing if rigidity.attrs["not_reached"] else "")
     return fig
 
 
@@ -90,7 +86,7 @@ def _legend(rigidity):
     compared = rigidity.isel(row=np.flatnonzero(rigidity.swept.values != "set"))
     fractions = list(dict.fromkeys(compared.swept_set.values.tolist()))
     handles = {
-        f"equilibrium, set {from_si(fraction, PERCENT):.0f} %": Line2D(
+        f"equilibrium, set {from_si(fraction, 'percent'):.0f} %": Line2D(
             [], [], color=COLOURS["equilibrium"], linestyle=SET_LINES[k % len(SET_LINES)], marker="o",
             markersize=2.5,
         )
@@ -108,15 +104,15 @@ def _legend(rigidity):
             [], [], color=COLOURS["wale"], marker="o", markersize=2.5
         ),
     }
-    return list(handles.values()), list(handles)
+    return handles
 
 
 def fig22_set(rigidity):
     """What set of the yarn does to rigidity, curl and Munden's constants."""
     rows = rigidity.isel(row=np.flatnonzero(rigidity.swept.values == "set"))
-    x, length = from_si(rows.swept_set.values, PERCENT), rows.swept_loop_length
+    x, length = from_si(rows.swept_set.values, "percent"), rows.swept_loop_length
     fig, axes = style.figure(height_mm=62.0, rows=1, columns=4)
-    heading(fig, f"Fig. 22  Fabric {fabric_name(rigidity)}: what set of the yarn changes")
+    panels.heading(fig, "what set of the yarn changes", 22, rigidity)
     values = {
         "B (mN mm)": from_si(rows.fabric_rigidity, "mN_mm"),
         "holding moment (mN)": from_si(rows.curl_moment, "mN"),
@@ -141,21 +137,10 @@ def fig22_set(rigidity):
     axes[0, 3].set_ylabel("shape of the loop w/c (1)")
     axes[0, 0].set_ylim(bottom=0.0)
     axes[0, 1].axhline(0.0, color=style.GREY, linewidth=0.5, zorder=0)
-    axis = axes[0, 0].secondary_yaxis(
-        "right",
-        functions=(
-            lambda rigidity: from_si(to_si(rigidity, "mN_mm"), "gf_cm2_per_cm"),
-            lambda rigidity: from_si(to_si(rigidity, "gf_cm2_per_cm"), "mN_mm"),
-        ),
-    )
-    axis.set_ylabel("B (gf cm2/cm)")
-    titles = ("rigidity", "curl", "density at rest", "loop at rest")
+    panels.second_axis(axes[0, 0], "mN_mm", "gf_cm2_per_cm", "B (gf cm2/cm)")
+    titles = ("B, no friction", "curl", "density at rest", "loop at rest")
     for ax, key, title in zip(axes[0], "abcd", titles, strict=True):
         ax.set_xlabel("set of the yarn (%)")
-        letter(ax, f"({key}) {title}")
-    handles = {}
-    for ax in axes[0]:
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            handles.setdefault(label, handle)
-    fig.legend(handles.values(), handles, loc="outside lower center", ncols=4)
+        panels.letter(ax, key, title)
+    panels.legend(fig, panels.labelled(axes[0]), ncols=4)
     return fig

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from knitsim.equilibrium.accuracy import fine_relaxed, scale_of
+from knitsim.equilibrium.accuracy import rest_to, scale_of
 from knitsim.equilibrium.bend import bend
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.result import LOADING
@@ -155,14 +155,10 @@ class Predictor:
 
     def spacings(self):
         """Relaxed spacings: an :class:`Outcome` with ``wale_spacing`` and ``course_spacing`` (m)."""
-        try:
-            fine = fine_relaxed(self.rest)
-            error = {
-                n: 2.0 * np.abs([getattr(fine, n) - getattr(self.rest, n)])
-                for n in ("wale_spacing", "course_spacing")
-            }
-        except _FAILURES:
-            error = dict.fromkeys(("wale_spacing", "course_spacing"), np.array([np.nan]))
+        _, share = rest_to(self.rest)
+        error = {
+            n: np.array([share * getattr(self.rest, n)]) for n in ("wale_spacing", "course_spacing")
+        }
 
         def solve(relaxed):
             return {

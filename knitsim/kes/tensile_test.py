@@ -82,10 +82,10 @@ def tension_of(loading, recovery=None, *, max_force=STANDARD_FORCE):
     max_force (N/m), and EMT (1; %) the strain at which loading first reaches it.
     WT (J m-2; gf cm/cm2): work of loading, the integral of F from zero strain to EMT; a loading that
     begins later than zero strain must begin at zero force.  LT (1) = WT/(F_m EMT/2).
-    RT (1; %): work of recovery, from F_m to zero force, over WT; recovery may begin at most 1 %
-    above F_m, and then counts from where it passes F_m.  Also: WT_recovered (J m-2) and
-    residual_strain (1; %), at which recovery comes to zero force.  A force within 1e-5 F_m of F_m,
-    or of zero, counts as reached.
+    RT (1; %): work of recovery, from F_m to zero force, over WT.  Also: WT_recovered (J m-2) and
+    residual_strain (1; %), at which recovery comes to zero force.  These three are of a recovery that
+    begins at F_m: at most 1 % above, and then counts from where it passes F_m; from another force
+    there are none.  A force within 1e-5 F_m of F_m, or of zero, counts as reached.
     """
     force = checked_number("max_force", max_force, 0.0)
     if not loading.rising:
@@ -127,8 +127,16 @@ def tension_of(loading, recovery=None, *, max_force=STANDARD_FORCE):
 
 def _add_recovery(found, loading, recovery, force, at):
     def residual():
+        [(top, _)] = found.needed("EMT")
         if recovery is None:
             raise LeftOut("the test has no recovery")
+        most = max(float(loading.y.max()), float(recovery.y.max()))
+        if most > (1.0 + PAST) * force:
+            raise LeftOut(f"recovery begins after {shown(most, 'force')}, not at {at}")
+        if not recovery.covers(top, top):
+            raise LeftOut(
+                f"recovery begins at strain {recovery.high:.6g}, below that of {at}, {top:.6g}"
+            )
         zero = recovery.last_zero()
         if zero is None and abs(recovery.y[0]) <= NEAR * force:
             zero = recovery.low, 0.0
@@ -138,15 +146,7 @@ def _add_recovery(found, loading, recovery, force, at):
         return zero
 
     def recovered():
-        [(top, _)] = found.needed("EMT")
         [(zero, _)] = found.needed("residual_strain")
-        most = max(float(loading.y.max()), float(recovery.y.max()))
-        if most > (1.0 + PAST) * force:
-            raise LeftOut(f"recovery begins after {shown(most, 'force')}, not at {at}")
-        if not recovery.covers(top, top):
-            raise LeftOut(
-                f"recovery begins at strain {recovery.high:.6g}, below that of {at}, {top:.6g}"
-            )
         begin = recovery.reach(force) or (recovery.high, 0.0)
         area, area_error = recovery.integral(zero, begin[0])
         # The force vanishes at the lower end: an error of that counts in second order only.
@@ -156,7 +156,8 @@ def _add_recovery(found, loading, recovery, force, at):
         (area, area_error), (back, back_error) = found.needed("WT", "WT_recovered")
         return back / area, (back_error + back / area * area_error) / area
 
-    found.add("residual_strain", "strain", residual, "strain at which recovery comes to zero force")
+    left = f"strain at which recovery from F_m = {at} comes to zero force"
+    found.add("residual_strain", "strain", residual, left)
     found.add("WT_recovered", "work", recovered, f"work of recovery from F_m = {at} to zero force")
     found.add("RT", "share", resilience, f"WT_recovered/WT, F_m = {at}")
 

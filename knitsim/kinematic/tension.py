@@ -12,6 +12,7 @@ import numpy as np
 from knitsim.errors import InputError
 from knitsim.kinematic import tension_kernels
 from knitsim.loop.frames_kernels import fibres_of_states, frames_of_states
+from knitsim.loop.lattice import smallest_distance
 
 DIRECTIONS = ("course", "wale")
 # Index of the coordinate pulled and the one across, by direction.
@@ -249,6 +250,25 @@ def deformed_points(loop, curve, points, steps=slice(None)):
     other = _centre_and_edge(loop, DIRECTIONS[across])[0]
     moved[..., across] = other + curve.scale_across[steps, None] * (points[:, across] - other)
     return moved
+
+
+def deformed_spacings(loop, curve):
+    """Wale and course spacing (m) in every step of the test, (steps,) each."""
+    along, across = curve.scale_along, curve.scale_across
+    wale, course = (along, across) if curve.direction == "course" else (across, along)
+    return loop.wale_spacing * wale, loop.course_spacing * course
+
+
+def smallest_distances(loop, curve, points):
+    """Smallest distance of yarn centre lines (diameters) in every step, (steps,).
+
+    points: as from :func:`deformed_points` for all steps, the last the first of the next loop.
+    """
+    found = np.empty(curve.strain.size)
+    for k, (wale, course) in enumerate(zip(*deformed_spacings(loop, curve), strict=True)):
+        lattice = np.array([[wale, 0.0, 0.0], [0.0, course, 0.0]])
+        found[k] = smallest_distance(points[k], lattice, loop.diameter).distance / loop.diameter
+    return found
 
 
 def _deformed_directions(loop, curve, points, directions, steps):

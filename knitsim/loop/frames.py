@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from knitsim.errors import InputError
-from knitsim.loop.frames_kernels import fill_fibre_points, rmf_frames
+from knitsim.loop.frames_kernels import fill_fibre_points, open_frames, rmf_frames
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,3 +98,11 @@ def loop_frames(loop, sections=100, twist=0.0):
     u, arc = loop.sections(sections)
     period = loop.spline.period
     return rotation_minimising_frames(loop.points(u), loop.derivative(u), arc, period, twist)
+
+
+def line_frames(points):
+    """Unit (tangents, normals) carried along an open line, (m, 3) each; points (m, 3), neighbours apart."""
+    points = np.ascontiguousarray(points, dtype=float)
+    tangents, normals = np.empty_like(points), np.empty_like(points)
+    open_frames(points, tangents, normals)
+    return tangents, normals

@@ -1,20 +1,47 @@
-"""The fabric from one loop: images by the lattice, flat or rolled about a cylinder."""
+"""The fabric from the loops of one cell: images by the lattice, flat or rolled about a cylinder.
+
+Loops are (loop, n, 3) (m) where they lie in the cell, a course after the other; the last point of a
+loop is the first of the next one in its course.  A plain fabric has one: then (n, 3) will do.
+"""
 
 import numpy as np
 
 from knitsim.errors import InputError
 
 
-def fabric_courses(loop, wale_spacing, course_spacing, loops_wide, loops_high):
+def cell_of(loops, courses=1):
+    """``loops`` as (courses, wales, n, 3)."""
+    loops = np.asarray(loops, dtype=float)
+    if loops.ndim == 2:
+        loops = loops[None]
+    return loops.reshape(courses, -1, *loops.shape[1:])
+
+
+def fabric_courses(
+    loops, wale_spacing, course_spacing, loops_wide, loops_high, *, courses=1, slant=0.0
+):
     """One continuous line a course: list of ``loops_high`` arrays (m, 3) (m).
 
-    loop: (n, 3), one loop, its last point the first one moved to the next wale.
+    courses: in the cell.  slant (m): by how much a course lies further along the course than the one
+    below it, in a sheared fabric.
     """
-    along = np.array([wale_spacing, 0.0, 0.0])
-    course = np.concatenate(
-        [loop[:-1] + k * along for k in range(loops_wide)] + [loop[:1] + loops_wide * along]
-    )
-    return [course + [0.0, k * course_spacing, 0.0] for k in range(loops_high)]
+    cell = cell_of(loops, courses)
+    lines = []
+    for row in range(loops_high):
+        turn, own = divmod(row, courses)
+        up = turn * courses * np.array([slant, course_spacing, 0.0])
+        parts = list(_images(cell[own], wale_spacing, loops_wide))
+        line = np.concatenate([*(part[:-1] for part in parts), parts[-1][-1:]])
+        lines.append(line + up)
+    return lines
+
+
+def _images(loops, wale_spacing, loops_wide):
+    """Loops of one course of the cell and their images along it, ``loops_wide`` in all."""
+    wales = len(loops)
+    for column in range(loops_wide):
+        turn, own = divmod(column, wales)
+        yield loops[own] + [turn * wales * wale_spacing, 0.0, 0.0]
 
 
 def rolled(points, curvature, shift, axis):
@@ -38,11 +65,20 @@ def rolled(points, curvature, shift, axis):
     return moved
 
 
-def bent_courses(loop, wale_spacing, course_spacing, loops_wide, loops_high, curvature, axis):
-    """As :func:`fabric_courses` for a loop (n, 3) of a fabric bent along ``axis`` (0 or 1)."""
-    if axis == 0:
-        parts = [rolled(loop, curvature, k * wale_spacing, 0) for k in range(loops_wide)]
-        course = np.concatenate([part[:-1] for part in parts] + [parts[-1][-1:]])
-        return [course + [0.0, k * course_spacing, 0.0] for k in range(loops_high)]
-    flat = fabric_courses(loop, wale_spacing, course_spacing, loops_wide, 1)[0]
-    return [rolled(flat, curvature, k * course_spacing, 1) for k in range(loops_high)]
+def bent_courses(
+    loops, wale_spacing, course_spacing, loops_wide, loops_high, curvature, axis, *, courses=1
+):
+    """As :func:`fabric_courses` for the loops of a fabric bent along ``axis`` (0 or 1)."""
+    cell = cell_of(loops, courses)
+    wales = cell.shape[1]
+    lines = []
+    for row in range(loops_high):
+        turn, own = divmod(row, courses)
+        parts = []
+        for column in range(loops_wide):
+            wide, loop = divmod(column, wales)
+            shift = np.array([wide * wales * wale_spacing, turn * courses * course_spacing, 0.0])
+            across = np.where(np.arange(3) == axis, 0.0, shift)
+            parts.append(rolled(cell[own, loop], curvature, shift[axis], axis) + across)
+        lines.append(np.concatenate([*(part[:-1] for part in parts), parts[-1][-1:]]))
+    return lines

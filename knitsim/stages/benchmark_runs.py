@@ -14,10 +14,12 @@ import numpy as np
 
 from knitsim.benchmark.fabric import COTTON
 from knitsim.benchmark.front import cpu_time, exponent
+from knitsim.equilibrium.dataset import pull_dataset
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError
-from knitsim.stages.equilibrium import curve_dataset
+from knitsim.stages.equilibrium_tension import STAGE
+from knitsim.store.results import labels_of
 from knitsim.store.timing import machine
 from knitsim.store.writer import describe, write
 
@@ -73,11 +75,11 @@ def files(repeats=5):
     with tempfile.TemporaryDirectory() as directory:
 
         def save():
-            dataset = curve_dataset(curve, relaxed, COTTON.law.breaking_strain)
+            dataset = pull_dataset(curve, relaxed)
             describe(
-                dataset, title="A curve", summary="Written to time it.", references=("munden",),
+                dataset, STAGE, labels_of(STAGE, "cotton", "cotton", direction="course"),
+                title="A curve", summary="Written to time it.", references=("munden",),
                 configuration={"name": "cotton"}, assumptions=[],
-                modules=["knitsim.stages.equilibrium"],
             )  # fmt: skip
             write(dataset, f"{directory}/curve.nc")
 

@@ -12,9 +12,10 @@ from knitsim.inference.curve_points import pull_of, tension_points
 from knitsim.inference.predict import Predictor
 from knitsim.measured.read import measured_test
 from knitsim.measured.test import zero_at
-from knitsim.stages.equilibrium import resolution_of, solver_fabric
+from knitsim.stages.described import describe_stage
+from knitsim.stages.equilibrium import settings_of, solver_fabric
 from knitsim.store.timing import Timings
-from knitsim.store.writer import describe, to_json
+from knitsim.store.writer import to_json
 from knitsim.study.measured_checks import config_of, free_of
 from knitsim.study.measured_keys import GIVEN, PARAMETERS, STAGE
 from knitsim.study.schema import FABRIC
@@ -68,7 +69,7 @@ def problem_of(fabric, name, built, measured):
         built,
         [Parameter(p.name, p.low, p.high, _inside(p)) for p in free_of(fabric, name)],
         [measured[curve] for curve in entry["fit"]],
-        kind=entry["residual"], misfit=entry["misfit"], resolution=resolution_of(fabric),
+        kind=entry["residual"], misfit=entry["misfit"], resolution=settings_of(fabric).resolution,
     )  # fmt: skip
 
 
@@ -318,7 +319,7 @@ def run(fabric, laws, name):
     built = solver_fabric(fabric, laws["continuous"], friction=True)
     found, notes, warnings = None, [], []
     if name == GIVEN:
-        predictor = Predictor(built, resolution=resolution_of(fabric))
+        predictor = Predictor(built, resolution=settings_of(fabric).resolution)
     else:
         problem = problem_of(fabric, name, built, measured)
         with timings.measure(f"{name}: fit of {', '.join(problem.names)}, with profiles"):
@@ -341,15 +342,14 @@ def run(fabric, laws, name):
     dataset.attrs["notes"] = to_json([*notes, *more])
     dataset.attrs["measured_tests"] = to_json(records)
     references = ("munden", "singal") if fabric.yarn["core_law"] else ("munden",)
-    config = config_of(fabric, name)
     what = (
         "without calibration, all parameters as given" if name == GIVEN else f"calibration {name}"
     )
-    describe(
-        dataset, title=f"Fabric {fabric.name}, {what}: measured curves and prediction",
+    describe_stage(
+        dataset, fabric, STAGE, calibration=name,
+        title=f"Fabric {fabric.name}, {what}: measured curves and prediction",
         summary="Parameters of the equilibrium model fitted to measured curves, and every other test "
         "predicted with them; bands cover the fit's uncertainty and the numerical error.",
-        references=references, configuration=config, assumptions=config["assumed"],
-        modules=["knitsim.stages.calibration"],
+        references=references, config=config_of(fabric, name),
     )  # fmt: skip
     return dataset, timings

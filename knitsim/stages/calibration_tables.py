@@ -1,12 +1,11 @@
 """The tables of calibrations and predictions: numbers, and what they mean in words."""
 
 import json
-from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from knitsim.measured.test import LOADING, loading_at
+from knitsim.store.reader import opened
 from knitsim.store.timing import write_csv
 from knitsim.study.measured_keys import GIVEN
 
@@ -43,10 +42,8 @@ def _number(value):
 
 def _datasets(files):
     """(fabric, calibration, dataset) of each result file."""
-    for file in map(Path, files):
-        with xr.open_dataset(file, engine="netcdf4") as opened:
-            dataset = opened.load()
-        yield json.loads(dataset.attrs["configuration"])["name"], file.stem, dataset
+    for dataset in opened(files):
+        yield dataset.attrs["fabric"], dataset.attrs["calibration"], dataset.load()
 
 
 def calibration_rows(fabric, name, dataset):

@@ -2,7 +2,7 @@
 
 from knitsim.equilibrium.relax import check_start
 from knitsim.measured.read import measured_test
-from knitsim.stages.equilibrium import named_by_key, resolution_of, solver_fabric
+from knitsim.stages.equilibrium import named_by_key, settings_of, solver_fabric
 from knitsim.stages.laws import calibration_of, laws_of
 from knitsim.stages.loop import loop_of
 from knitsim.stages.yarn import layout_of
@@ -26,6 +26,4 @@ def check_study(study):
         if fabric.scene["equilibrium_rest"] is not None:
             with named_by_key(fabric):
                 built = solver_fabric(fabric, laws[fabric.yarn.name])
-                # The settings for an accuracy are sought by the jobs: that takes computing.
-                stated = fabric.scene["equilibrium_rest.accuracy"] is None
-                check_start(built, resolution_of(fabric) if stated else None)
+                check_start(built, settings_of(fabric).resolution)

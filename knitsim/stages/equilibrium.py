@@ -1,26 +1,22 @@
 """What the equilibrium stages share: a fabric's input as the solver wants it, states as a dataset."""
 
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
-import xarray as xr
 
 from knitsim.equilibrium.contact import BarrierContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
-from knitsim.equilibrium.pull import FRICTION_INCREMENT
-from knitsim.equilibrium.to_accuracy import Settings, settings_for
+from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
 from knitsim.measured.read import read_entry
-from knitsim.stages.laws import calibration_of, laws_of
-from knitsim.stages.needs import cell_of
-from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES, VARIABLES
+from knitsim.stages.laws import ledger_laws
+from knitsim.stages.ledger import effect_dataset
 from knitsim.store.tensile import stack_variants
 from knitsim.store.writer import to_json
 from knitsim.study.contact_keys import stated_contact
+from knitsim.study.schema import closure
 from knitsim.yarn.compression import fit_barrier_test
-
-_STATES = VARIABLES["status"].flags
 
 
 def contact_of(yarn):
@@ -62,157 +58,78 @@ def named_by_key(fabric):
         raise InputError(*given.stated(quantity), f"fabric {fabric.name}: {error.right}") from error
 
 
+@dataclass(frozen=True)
+class Settings:
+    """How finely the equilibrium tests of a fabric are solved: at a resolution, or to an accuracy."""
+
+    resolution: Resolution
+    accuracy: float | None = None
+
+    @property
+    def errors(self):
+        """Arguments of a test that make it estimate its errors, or reach the accuracy."""
+        return {"estimate_error": True} if self.accuracy is None else {"accuracy": self.accuracy}
+
+    def told(self, solved):
+        """As plain data: what was asked for, and what each of the solved states or curves took, by name."""
+        return {"accuracy": self.accuracy} | {name: _taken(one) for name, one in solved.items()}
+
+
+def _taken(solved):
+    cell = solved.model.cell
+    taken = {"points": cell.points, "contacts": cell.contacts}
+    increment = getattr(solved, "increment", np.nan)
+    return taken | ({} if np.isnan(increment) else {"increment": increment})
+
+
 def settings_of(fabric):
-    """Settings (of knitsim.equilibrium.to_accuracy) that the scene of a FabricInput asks for.
-
-    Those for an accuracy are sought once, for a fabric and what with_value makes of it.  Raises
-    InputError where none reaches the accuracy.
-    """
-    if fabric.settings is None:
-        test = fabric.scene["equilibrium_rest"]
-        if test["accuracy"] is None:
-            found = Settings(Resolution(points=test["points"]), FRICTION_INCREMENT, None)
-        else:
-            found = _settings_for(fabric, test["accuracy"])
-        fabric.settings = found
-    return fabric.settings
-
-
-def _settings_for(fabric, accuracy):
-    law = laws_of(fabric.yarn, calibration_of(fabric.yarn))["continuous"]
-    tests = [
-        choice
-        for name in ("equilibrium_tension", "equilibrium_bending")
-        for choice in (fabric.scene[name] or {"variants": {}})["variants"].values()
-    ] + [fabric.scene["equilibrium_shear"] or {"friction": False}]
-    built = solver_fabric(fabric, law, friction=any(choice["friction"] for choice in tests))
-    strains = {
-        direction: [choice[key] for choice in tests if key in choice]
-        for direction in ("course", "wale")
-        for key in [f"max_strain_{direction}"]
-    }
-    largest = {direction: min(found) for direction, found in strains.items() if found}
-    try:
-        return settings_for(built, accuracy, largest or None)
-    except InputError as error:
-        where, value = fabric.scene.stated("equilibrium_rest.accuracy")
-        raise InputError(where, value, f"fabric {fabric.name}: {error.right}") from error
-
-
-def resolution_of(fabric, test="equilibrium_rest"):
-    """Resolution that an equilibrium test of the scene asks for."""
-    return replace(settings_of(fabric).resolution, cell=cell_of(fabric.scene, test))
-
-
-def from_rest(curve, relaxed):
-    """The Curve with the relaxed state as its first: strain, force, work and their error are zero."""
-    first = {
-        "energy": relaxed.energy,
-        "min_distance": relaxed.min_distance,
-        "residual": relaxed.residual,
-        "iterations": relaxed.iterations,
-        "cycle": 1,
-        "y": relaxed.y,
-    }
-    names = (
-        "strain", "wale_strain", "phase", "cycle", "force_per_loop", "force_per_width", "forces",
-        "energy", "work", "dissipated", "min_distance", "residual", "iterations", "status", "y",
-        "numerical_error",
-    )  # fmt: skip
-    rows = {}
-    for name in names:
-        values = np.asarray(getattr(curve, name))
-        row = np.broadcast_to(np.asarray(first.get(name, 0)), values.shape[1:])
-        rows[name] = np.concatenate([row[None], values]).astype(values.dtype)
-    return curve.replaced(**rows)
-
-
-def padding(reached, steps=None):
-    """A function that fills an array (reached, ...) up to ``steps`` rows, by default as it is.
-
-    It takes the array and what stands in the rows that were not reached, not a number by default.
-    """
-    steps = reached if steps is None else steps
-
-    def padded(values, fill=np.nan):
-        values = np.asarray(values)
-        out = np.full((steps, *values.shape[1:]), fill, dtype=np.result_type(values, type(fill)))
-        out[:reached] = values
-        return out
-
-    return padded
-
-
-def status_of(yarn_strain, breaking_strain, steps=None):
-    """Status flags (int8) of states by their yarn strain (reached,), padded to ``steps``."""
-    status = np.where(
-        yarn_strain > breaking_strain,
-        _STATES.index("beyond_breaking_strain"),
-        _STATES.index("valid"),
+    """The :class:`Settings` that the scene of a FabricInput asks for."""
+    test = fabric.scene["equilibrium_rest"]
+    points, accuracy = test["points"], test["accuracy"]
+    resolution = (
+        Resolution(cell=test["cell"]) if points is None else Resolution(points, cell=test["cell"])
     )
-    missing = _STATES.index("not_converged")
-    return padding(status.size, steps)(status, missing).astype(np.int8)
+    return Settings(resolution, accuracy if points is None else None)
 
 
-def curve_dataset(curve, relaxed, breaking_strain, steps=None, along="strain"):
-    """Dataset of a knitsim.equilibrium Curve, padded to ``steps`` stored states.
+def at_rest(fabric, law, resolution, **options):
+    """A FabricInput at rest; law, options: as :func:`solver_fabric` takes them."""
+    return relax(solver_fabric(fabric, law, **options), resolution)
 
-    along: name of the coordinate that the test goes through, ``strain`` or ``shear_angle``.  Rows
-    that were not reached hold no numbers and the status not_converged.
+
+def at_rest_again(fabric, resolution, **options):
+    """A FabricInput at rest without a calibration, for the effect of an assumption.
+
+    resolution: that of the result whose change is sought, so that the effect is not that of other points.
     """
-    status = status_of(curve.yarn_strain, breaking_strain, steps)
-    own = {
-        "force_per_loop": curve.force_per_loop,
-        "force_per_width": curve.force_per_width,
-        "yarn_tension": curve.yarn_tension,
-        "yarn_strain": curve.yarn_strain,
-        "transverse_strain": curve.transverse_strain,
-    }
-    return states_dataset(curve, own, curve.centreline, {along: curve.strain}, status)
+    return at_rest(fabric, ledger_laws(fabric.yarn)["continuous"], resolution, **options)
 
 
-def states_dataset(curve, own, centreline, coordinate, status):
-    """Dataset of the states of a tensile, shear or bending test, padded to the rows of ``status``.
+def both_ways(largest, states):
+    """Values of a test: to the largest, back to 0, to its negative, and back; the ends hit exactly."""
+    up = largest * np.arange(1, states + 1) / states
+    back = np.append(up[-2::-1], 0.0)
+    return np.concatenate([up, back, -up, -back])
 
-    own: arrays (states,) of this kind of test, by name, beside what all of them store; coordinate:
-    {name: (states,)}, what the test goes through.
+
+def finest(curves):
+    """The Resolution of the most points that one of the curves took."""
+    return max((one.model.resolution for one in curves), key=lambda one: one.points)
+
+
+def variants_dataset(fabric, stage, solved, headlines, timings):
+    """Dataset of a test in all its conditions, with the effect of the assumptions.
+
+    solved: {condition: (its curve, a function of the number of rows that gives its Dataset)}; headlines:
+    as ledger.effect_dataset takes them.  Where a curve ended early stands in ``stop_reason``.
     """
-    padded = padding(curve.steps, status.size)
-    data = {name: ("step", padded(values)) for name, values in own.items()}
-    for name in (
-        "wale_spacing", "course_spacing", "work", "dissipated", "min_distance", "residual",
-        "numerical_error",
-    ):  # fmt: skip
-        data[name] = ("step", padded(getattr(curve, name)))
-    data["iterations"] = ("step", padded(curve.iterations, 0))
-    intact = padded(curve.crossings_intact.astype(np.int8), 0).astype(np.int8)
-    data["crossings_intact"] = ("step", intact)
-    data["status"] = ("step", status)
-    data["energy"] = (("step", "term"), padded(curve.energy))
-    data["centreline"] = (("step", "point", "axis"), padded(centreline))
-    phase = np.array(PHASES)[padded(curve.phase, 0).astype(int)]
-    return xr.Dataset(
-        data,
-        {
-            "step": np.arange(status.size),
-            "term": list(ENERGY_TERMS),
-            "point": np.arange(centreline.shape[1]),
-            "axis": list(AXES),
-            **{name: ("step", padded(values)) for name, values in coordinate.items()},
-            "phase": ("step", phase),
-            "cycle": ("step", padded(curve.cycle, 1)),
-        },
-    )
-
-
-def variants_dataset(fabric, stage, states, reasons, effects):
-    """Dataset of a test in all its variants.
-
-    states: {variant: Dataset}; reasons: {variant: why its curve ended early, or nothing}; effects:
-    Dataset of what the assumptions change.
-    """
-    dataset = stack_variants(states).merge(effects)
+    steps = max(curve.steps for curve, _ in solved.values())
+    dataset = stack_variants({name: dataset_of(steps) for name, (_, dataset_of) in solved.items()})
+    with timings.measure("effect of the assumptions"):
+        dataset = dataset.merge(effect_dataset(fabric, closure(stage), headlines))
     dataset["diameter"] = fabric.yarn["diameter"]
     dataset.attrs["readings"] = to_json(fabric.scene[stage]["variants"])
-    dataset.attrs["stop_reason"] = "; ".join(f"{n}: {r}" for n, r in reasons.items() if r)
+    dataset.attrs["stop_reason"] = "; ".join(
+        f"{name}: {curve.stop_reason}" for name, (curve, _) in solved.items() if curve.stop_reason
+    )
     return dataset

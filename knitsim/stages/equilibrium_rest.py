@@ -1,17 +1,19 @@
 """The fabric at rest in the equilibrium model, beside the stated density, Peirce and Munden."""
 
+from functools import partial
+
 import numpy as np
 import xarray as xr
 
-from knitsim.equilibrium.accuracy import fine_relaxed
+from knitsim.equilibrium.accuracy import rest_to
 from knitsim.equilibrium.density import fit_density
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
 from knitsim.stages.described import describe_stage
-from knitsim.stages.equilibrium import resolution_of, solver_fabric
-from knitsim.stages.laws import ledger_laws
+from knitsim.stages.equilibrium import at_rest_again, settings_of, solver_fabric
 from knitsim.stages.ledger import effect_dataset
-from knitsim.store.schema import AXES, ENERGY_TERMS
+from knitsim.store.schema import ENERGY_TERMS
+from knitsim.store.tensile import loop_coordinates
 from knitsim.store.timing import Timings
 from knitsim.study.schema import closure
 
@@ -19,17 +21,16 @@ STAGE = "equilibrium_rest"
 LOOP_LENGTHS = 9
 
 
-def headlines(fabric):
+def headlines(fabric, resolution):
     """{name: (value, units)} of the relaxed state that the ledger follows."""
-    law = ledger_laws(fabric.yarn)["continuous"]
-    relaxed = relax(solver_fabric(fabric, law), resolution_of(fabric))
+    relaxed = at_rest_again(fabric, resolution)
     return {
         "relaxed wale spacing": (relaxed.wale_spacing, "m"),
         "relaxed course spacing": (relaxed.course_spacing, "m"),
     }
 
 
-def _over_loop_length(fabric, law):
+def _over_loop_length(fabric, law, resolution):
     """Relaxed spacings over loop length and set: (loop lengths, spacings (set, length, 2), reasons)."""
     test = fabric.scene[STAGE]
     factors = np.linspace(test["loop_length_low"], test["loop_length_high"], LOOP_LENGTHS)
@@ -39,10 +40,8 @@ def _over_loop_length(fabric, law):
         for j, factor in enumerate(factors):
             length = factor * fabric["loop_length"]
             try:
-                relaxed = relax(
-                    solver_fabric(fabric, law, set_fraction=fraction, loop_length=length),
-                    resolution_of(fabric),
-                )
+                built = solver_fabric(fabric, law, set_fraction=fraction, loop_length=length)
+                relaxed = relax(built, resolution)
             except (InputError, ComputationError) as error:
                 reasons.append(f"set {fraction:g}, loop length {1e3 * length:.4g} mm: {error}")
                 continue
@@ -50,33 +49,21 @@ def _over_loop_length(fabric, law):
     return factors * fabric["loop_length"], spacings, reasons
 
 
-def _spacing_error(relaxed):
-    """Estimated relative error of the relaxed spacings; NaN where the finer solution failed."""
-    try:
-        fine = fine_relaxed(relaxed)
-    except ComputationError:
-        return np.nan
-    # At second order the finer solution is four times closer; 2 leaves room for a lower order.
-    return 2.0 * max(
-        abs(fine.wale_spacing / relaxed.wale_spacing - 1.0),
-        abs(fine.course_spacing / relaxed.course_spacing - 1.0),
-    )
-
-
 def run(fabric, laws):
     """(dataset, timings) of a FabricInput; laws: TensionLaw of its yarn by form."""
     timings = Timings(STAGE, fabric.name)
-    law = laws["continuous"]
-    test = fabric.scene[STAGE]
-    built = solver_fabric(fabric, law)
-    resolution = resolution_of(fabric)
+    law, test = laws["continuous"], fabric.scene[STAGE]
+    built, settings = solver_fabric(fabric, law), settings_of(fabric)
+    resolution = settings.resolution
     relaxed = timings.repeat("relaxing", lambda: relax(built, resolution))
+    with timings.measure("its error"):
+        relaxed, error = rest_to(relaxed, settings.accuracy)
     with timings.measure("relaxed density over loop length and set"):
-        lengths, spacings, reasons = _over_loop_length(fabric, law)
-    line = relaxed.centreline
+        lengths, spacings, reasons = _over_loop_length(fabric, law, resolution)
+    lines = relaxed.centrelines
     dataset = xr.Dataset(
         {
-            "centreline": (("point", "axis"), line),
+            "centreline": (("loop", "point", "axis"), lines),
             "wale_spacing": relaxed.wale_spacing,
             "course_spacing": relaxed.course_spacing,
             "stated_wale_spacing": fabric["wale_spacing"],
@@ -90,13 +77,12 @@ def run(fabric, laws):
             "min_distance": relaxed.min_distance,
             "crossings_intact": np.int8(relaxed.crossings_intact),
             "iterations": relaxed.iterations,
-            "spacing_error": _spacing_error(relaxed),
+            "spacing_error": error,
             "compared_loop_length": ("compared", lengths),
             "compared_spacing": (("set", "compared", "spacing"), spacings),
         },
         {
-            "point": np.arange(len(line)),
-            "axis": list(AXES),
+            **loop_coordinates(lines.shape[1]),
             "term": list(ENERGY_TERMS),
             "set": list(test["set_compared"]),
             "compared": np.arange(lengths.size),
@@ -110,11 +96,12 @@ def run(fabric, laws):
         dataset["fitted_set"] = fit.set_fraction
         dataset["fitted_misfit"] = ("spacing", fit.misfit)
     with timings.measure("effect of the assumptions"):
-        dataset = dataset.merge(effect_dataset(fabric, closure(STAGE), headlines))
+        followed = partial(headlines, resolution=relaxed.model.resolution)
+        dataset = dataset.merge(effect_dataset(fabric, closure(STAGE), followed))
     dataset.attrs["not_reached"] = "; ".join(reasons)
     describe_stage(
         dataset, fabric, STAGE, title=f"Fabric {fabric.name} at rest in the equilibrium model",
         summary="One interlooped yarn in a periodic lattice, both spacings free, no load.",
-        references=("peirce", "munden"),
+        references=("peirce", "munden"), settings=settings.told({"rest": relaxed}),
     )  # fmt: skip
     return dataset, timings

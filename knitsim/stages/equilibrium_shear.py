@@ -1,43 +1,31 @@
 """The shear test in the equilibrium model."""
 
-import numpy as np
-
+from knitsim.equilibrium.dataset import pull_dataset
 from knitsim.equilibrium.pull import shear
-from knitsim.equilibrium.relax import relax
 from knitsim.stages.described import describe_stage
-from knitsim.stages.equilibrium import curve_dataset, resolution_of, settings_of, solver_fabric
+from knitsim.stages.equilibrium import at_rest, both_ways, settings_of
 from knitsim.store.timing import Timings
 
 STAGE = "equilibrium_shear"
 
 
-def angles_of(test):
-    """0 to the largest angle, to the negative one, and back to 0 (rad), the ends hit exactly."""
-    up = test["max_angle"] * np.arange(1, test["states"] + 1) / test["states"]
-    down = up[::-1][1:]
-    return np.concatenate([up, down, [0.0], -up, -down, [0.0]])
-
-
 def run(fabric, laws):
     """(dataset, timings) of a FabricInput; laws: TensionLaw of its yarn by form."""
-    timings = Timings(STAGE, fabric.name)
+    timings, settings = Timings(STAGE, fabric.name), settings_of(fabric)
     test = fabric.scene[STAGE]
-    law = laws["continuous"]
-    built = solver_fabric(fabric, law, friction=test["friction"])
-    relaxed = relax(built, resolution_of(fabric, STAGE))
+    relaxed = at_rest(fabric, laws["continuous"], settings.resolution, friction=test["friction"])
     with timings.measure("shear, with its error estimate"):
         curve = shear(
-            relaxed, angles_of(test), tension=test["tension"],
-            increment=settings_of(fabric).increment, estimate_error=True,
+            relaxed, both_ways(test["max_angle"], test["states"]), tension=test["tension"],
+            **settings.errors,
         )  # fmt: skip
-    dataset = curve_dataset(curve, relaxed, law.breaking_strain, along="shear_angle")
-    dataset = dataset.drop_vars("transverse_strain")
+    dataset = pull_dataset(curve, along="shear_angle")
     dataset["diameter"] = fabric.yarn["diameter"]
     dataset.attrs["stop_reason"] = curve.stop_reason
     describe_stage(
         dataset, fabric, STAGE, title=f"Equilibrium shear test of {fabric.name}",
         summary="Shear in the plane of the fabric under tension along the wale; the force is that"
         " along the course.",
-        references=("munden",),
+        references=("munden",), settings=settings.told({"shear": curve}),
     )  # fmt: skip
     return dataset, timings

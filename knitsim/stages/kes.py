@@ -2,19 +2,21 @@
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from knitsim import kes
 from knitsim.errors import InputError
+from knitsim.store.reader import opened
+from knitsim.store.results import labels_of
 from knitsim.store.writer import describe
 
 STAGE = "kes"
 # Maximum forces at which the tensile parameters are read: for knits, and the standard one.
 MAX_FORCES = {"50 gf/cm": kes.KNIT_FORCE, "500 gf/cm": kes.STANDARD_FORCE}
-LABELS = ("test", "model", "direction", "variant")
+# Columns that say of what test a row is, and the attributes that say it of a file.
+LABELS, LABELED = ("test", "model", "direction", "variant"), ("kind", "model", "direction")
 TEXTS = ("kes_parameter", "value_units", "kes_units", "definition", "left_out")
 NUMBERS = ("parameter_value", "kes_value", "parameter_error")
 
@@ -47,13 +49,6 @@ def shear_of(one):
 TESTS = {"tensile": tension_of, "bending": bending_of, "shear": shear_of}
 
 
-def test_of(path):
-    """(kind of test, model, direction) of a result file, or None for any other file."""
-    kind = next((part for part in Path(path).parts[::-1] if part in TESTS), None)
-    model, _, direction = Path(path).stem.partition("_")
-    return kind and (kind, model, direction)
-
-
 def variants_of(dataset):
     """[(name, dataset)] of each variant without the states that hold no numbers."""
     along = next(name for name in ("strain", "curvature", "shear_angle") if name in dataset.coords)
@@ -67,20 +62,15 @@ def variants_of(dataset):
     return found
 
 
-def rows_of(path):
-    """Rows {column: value} of one result file; what cannot be had stands with its reason."""
-    known = test_of(path)
-    if known is None:
-        return []
-    with xr.open_dataset(path, engine="netcdf4") as opened:
-        dataset = opened.load()
-    rows = []
+def rows_of(dataset):
+    """Rows {column: value} of one test; what cannot be had stands with its reason."""
+    about, rows = [dataset.attrs[name] for name in LABELED], []
     for variant, one in variants_of(dataset):
-        labels = dict(zip(LABELS, (*known, variant), strict=True))
+        labels = dict(zip(LABELS, (*about, variant), strict=True))
         if not one.sizes["step"]:
             continue
         try:
-            for label, evaluation in TESTS[known[0]](one):
+            for label, evaluation in TESTS[about[0]](one):
                 rows += [labels | _cells(row, label) for row in evaluation.rows()]
         except InputError as error:
             empty = dict.fromkeys(TEXTS, "") | dict.fromkeys(NUMBERS, math.nan)
@@ -101,31 +91,28 @@ def _cells(row, label):
     }
 
 
-def run(name, files):
-    """Dataset of the KES parameters of the fabric ``name``, one a row; files: its result files."""
-    rows, tests, assumed = [], {}, {}
-    for path in map(Path, files):
-        rows += rows_of(path)
-        with xr.open_dataset(path, engine="netcdf4") as dataset:
-            configuration = json.loads(dataset.attrs["configuration"])
-            configuration.pop("assumed", None)  # stands in the attribute assumptions
-            tests["_".join(filter(None, test_of(path)))] = configuration
-            for row in json.loads(dataset.attrs["assumptions"]):
-                assumed[json.dumps(row, sort_keys=True)] = row
+def run(files):
+    """Dataset of the KES parameters of a fabric, one a row; files: the results of its tests."""
+    rows, tests, assumed, about = [], {}, {}, {}
+    for test in opened(files):
+        about = {name: test.attrs[name] for name in ("fabric", "yarn")}
+        rows += rows_of(test)
+        configuration = json.loads(test.attrs["configuration"])
+        configuration.pop("assumed", None)  # stands in the attribute assumptions
+        tests["_".join(filter(None, (test.attrs[n] for n in LABELED)))] = configuration
+        for row in json.loads(test.attrs["assumptions"]):
+            assumed[json.dumps(row, sort_keys=True)] = row
+    columns = {
+        column: ("row", np.array([row[column] for row in rows], dtype=kind))
+        for names, kind in ((NUMBERS, float), ((*LABELS, *TEXTS), object))
+        for column in names
+    }
     dataset = xr.Dataset(
-        {
-            column: ("row", np.array([row[column] for row in rows], dtype=float))
-            for column in NUMBERS
-        },
-        {"row": np.arange(len(rows))}
-        | {
-            column: ("row", np.array([row[column] for row in rows], dtype=object))
-            for column in (*LABELS, *TEXTS)
-        },
+        {column: columns.pop(column) for column in NUMBERS},
+        {"row": np.arange(len(rows)), **columns},
     )
     return describe(
-        dataset, title=f"KES parameters of fabric {name}",
+        dataset, STAGE, labels_of(STAGE, **about), title=f"KES parameters of fabric {about['fabric']}",
         summary="Kawabata's parameters as read from each test of the fabric.", references=("kawabata",),
-        configuration={"name": name, "tests": tests}, assumptions=list(assumed.values()),
-        modules=["knitsim.stages.kes"],
+        configuration={"name": about["fabric"], "tests": tests}, assumptions=list(assumed.values()),
     )  # fmt: skip

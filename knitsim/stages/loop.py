@@ -16,7 +16,7 @@ from knitsim.loop.peirce import peirce, peirce_length
 from knitsim.stages.described import describe_stage
 from knitsim.stages.ledger import effect_dataset
 from knitsim.stages.yarn import layout_of, signed_twist
-from knitsim.store.schema import AXES
+from knitsim.store.tensile import loop_coordinates
 from knitsim.store.timing import Timings
 from knitsim.study.schema import closure
 
@@ -99,7 +99,7 @@ def run(fabric):
     source = choi_lo(loop.wale_spacing, loop.course_spacing, loop.diameter, chi)
     closing = frames.points[:1] + loop.spline.period
     data = {
-        "centreline": (("point", "axis"), np.concatenate([frames.points, closing])),
+        "centreline": (("loop", "point", "axis"), np.concatenate([frames.points, closing])[None]),
         "arc_length": ("point", frames.arc),
         "tangent": (("section", "axis"), frames.tangents),
         "normal": (("section", "axis"), frames.normals),
@@ -131,8 +131,7 @@ def run(fabric):
         "peirce_loop_length": peirce_length(loop.wale_spacing, loop.course_spacing, loop.diameter),
     }
     coords = {
-        "axis": list(AXES),
-        "point": np.arange(sections + 1),
+        **loop_coordinates(sections + 1),
         "section": np.arange(sections),
         "fibre": np.arange(layout.fibres),
         "anchor": np.arange(len(loop.anchors)),

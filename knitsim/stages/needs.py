@@ -9,7 +9,7 @@ from dataclasses import dataclass
 SKIPS = {
     "contact pairs never near": "only pairs that can touch before the list is made anew are listed",
     "friction at zero coefficient": "no slip is followed where the coefficient is zero",
-    "full cell": "a quarter of a loop stands for it where the test keeps its two symmetries",
+    "full cell": "of a cell only what the symmetry of pattern and test leaves is solved",
     "identical loops": "one loop stands for all of a uniform fabric",
     "identical sections": "one section stands for all of a uniform yarn",
     "fibres": "fibres are placed only where the scene stores them",
@@ -35,14 +35,6 @@ class Skip:
     @property
     def because(self):
         return SKIPS[self.what]
-
-
-def cell_of(scene, test):
-    """Cell ("quarter" or "full") that an equilibrium test of a scene is solved in.
-
-    Shear breaks the symmetries of a plain loop; else the scene says.
-    """
-    return "full" if test == "equilibrium_shear" else scene["equilibrium_rest"]["cell"]
 
 
 def stores_fibres(store):
@@ -72,7 +64,7 @@ def skips_of(scene):
         if choice is None:
             continue
         everywhere = ["contact pairs never near", "identical loops"]
-        if cell_of(scene, test) == "quarter":
+        if scene["equilibrium_rest"]["cell"] == "symmetric":
             everywhere.append("full cell")
         found += [Skip(test, "", what) for what in everywhere]
         conditions = choice["variants"] if "variants" in choice else {"": choice}

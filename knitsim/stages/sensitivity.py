@@ -1,15 +1,13 @@
 """What one per cent of each input does to a fabric's tests, and how well it must be measured."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import xarray as xr
 
 from knitsim.inference.continuation import value_of
 from knitsim.inference.sensitivity import sensitivity_table, standard_results
 from knitsim.stages.described import describe_stage
-from knitsim.stages.equilibrium import resolution_of, solver_fabric
+from knitsim.stages.equilibrium import settings_of, solver_fabric
+from knitsim.store.reader import opened
 from knitsim.store.timing import Timings, write_csv
 from knitsim.study.measured_checks import meaningless
 from knitsim.study.measured_keys import PARAMETERS
@@ -33,10 +31,11 @@ def run(fabric, laws):
     if not test["friction"]:
         names = [name for name in names if name != "friction"]
     force = test["force"]
+    settings = settings_of(fabric)
     with timings.measure(f"{len(names)} inputs, four changes each"):
         rows = sensitivity_table(
             built, names, standard_results(force, force), step=test["change"],
-            resolution=resolution_of(fabric),
+            resolution=settings.resolution,
         )  # fmt: skip
     units = np.array([PARAMETERS[name].si for name in names], dtype=object)
     results = list(dict.fromkeys(row.result for row in rows))
@@ -69,7 +68,7 @@ def run(fabric, laws):
         dataset, fabric, STAGE, title=f"Sensitivity of fabric {fabric.name} to its inputs",
         summary="Change of strain at a given force, B, 2HB and density at rest for one per cent of each"
         " input, by two-sided differences in the equilibrium model.",
-        references=("munden", "kawabata"),
+        references=("munden", "kawabata"), settings=settings.told({}),
     )  # fmt: skip
     return dataset, timings
 
@@ -94,10 +93,8 @@ def says(change, noise, value):
 def write_table(files, path):
     """Write ``tables/sensitivity.csv`` from the result files; the most violent input comes first."""
     rows = []
-    for file in map(Path, files):
-        with xr.open_dataset(file, engine="netcdf4") as opened:
-            dataset = opened.load()
-        fabric = json.loads(dataset.attrs["configuration"])["name"]
+    for dataset in opened(files):
+        fabric = dataset.attrs["fabric"]
         change = dataset.per_cent_per_cent.values
         worst = np.nanmax(np.where(np.isfinite(change), np.abs(change), 0.0), axis=1)
         for i in np.argsort(-worst, kind="stable"):

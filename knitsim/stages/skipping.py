@@ -7,9 +7,9 @@ import numpy as np
 from knitsim.benchmark.skipping import measure
 from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.pull import tensile
-from knitsim.equilibrium.relax import Relaxed, relax
+from knitsim.equilibrium.relax import relax
 from knitsim.kinematic.tension import Reading, fibre_points, tensile_test
-from knitsim.stages.equilibrium import resolution_of, solver_fabric
+from knitsim.stages.equilibrium import settings_of, solver_fabric
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.loop import loop_of
 from knitsim.stages.loop import run as run_loop
@@ -37,15 +37,14 @@ def run(fabrics):
 
     A skip that no test of a scene makes is not measured.
     """
-    rows, seen = [], set()
+    rows, first = [], {}
     for fabric in fabrics:
-        if fabric.scene.name in seen:
-            continue
-        seen.add(fabric.scene.name)
-        skips = skips_of(fabric.scene)
+        first.setdefault(fabric.scene.name, fabric)
+    for fabric in first.values():
+        skips, resolution = skips_of(fabric.scene), settings_of(fabric).resolution
         for what in dict.fromkeys(skip.what for skip in skips):
             own = [skip for skip in skips if skip.what == what]
-            rows.append(_row(fabric.scene.name, own, MEASURES[what](fabric)))
+            rows.append(_row(fabric.scene.name, own, MEASURES[what](fabric, resolution)))
     return rows
 
 
@@ -70,10 +69,10 @@ def _tolerance(relaxed):
     return relaxed.model.control.tolerance / np.abs(_force(relaxed, FEW)).max()
 
 
-def _built(fabric, **changes):
-    """knitsim.equilibrium Fabric without friction, but for the changes."""
+def _relaxed(fabric, resolution, **changes):
+    """The fabric at rest without friction, but for the changes."""
     law = ledger_laws(fabric.yarn)["continuous"]
-    return replace(solver_fabric(fabric, law), **changes)
+    return relax(replace(solver_fabric(fabric, law), **changes), resolution)
 
 
 def _force(relaxed, strains=STRAINS, **more):
@@ -81,54 +80,47 @@ def _force(relaxed, strains=STRAINS, **more):
     return tensile(relaxed, "course", strains, **more).force_per_loop
 
 
-def _near(fabric):
-    relaxed = relax(_built(fabric), resolution_of(fabric))
-    control = relaxed.model.control._replace(skin=EVERYWHERE)
-    every = _replaced(relaxed, control)
+def _near(fabric, resolution):
+    relaxed = _relaxed(fabric, resolution)
+    model = replace(relaxed.model, control=relaxed.model.control._replace(skin=EVERYWHERE))
+    every = replace(relaxed, model=model)
     return measure(
         "contact pairs never near", "force along the course", lambda: _force(relaxed, FEW),
         lambda: _force(every, FEW), _tolerance(relaxed),
     )  # fmt: skip
 
 
-def _replaced(relaxed, control):
-    """The relaxed state to be solved on with other settings."""
-    values = {name: getattr(relaxed, name) for name in Relaxed.__dataclass_fields__}
-    return Relaxed(**values | {"model": replace(relaxed.model, control=control)})
-
-
-def _friction(fabric):
-    none = relax(_built(fabric), resolution_of(fabric))
-    hardly = relax(_built(fabric, friction=NEARLY_NONE), resolution_of(fabric))
+def _friction(fabric, resolution):
+    none = _relaxed(fabric, resolution)
+    hardly = _relaxed(fabric, resolution, friction=NEARLY_NONE)
     return measure(
         "friction at zero coefficient", "force along the course", lambda: _force(none),
         lambda: _force(hardly), _tolerance(none),
     )  # fmt: skip
 
 
-def _whole(fabric):
-    points = resolution_of(fabric).points
+def _pulled(fabric, resolution, **cell):
+    """A function that relaxes and pulls the fabric in another cell."""
+    resolution = Resolution(resolution.points, **cell)
+    return lambda: _force(_relaxed(fabric, resolution), FEW)
+
+
+def _whole(fabric, resolution):
     return measure(
-        "full cell", "force along the course, relaxing included",
-        lambda: _force(relax(_built(fabric), Resolution(points)), FEW),
-        lambda: _force(relax(_built(fabric), Resolution(points, cell="full")), FEW),
-        QUARTER_TOLERANCE,
+        "full cell", "force along the course, relaxing included", _pulled(fabric, resolution),
+        _pulled(fabric, resolution, cell="full"), QUARTER_TOLERANCE,
     )  # fmt: skip
 
 
-def _loops(fabric):
-    points = resolution_of(fabric).points
-
-    def pulled(wales):
-        return _force(relax(_built(fabric), Resolution(points, cell="full", wales=wales)), FEW)
-
+def _loops(fabric, resolution):
     return measure(
         "identical loops", "force along the course, two loops in the cell, relaxing included",
-        lambda: pulled(1), lambda: pulled(2), _tolerance(relax(_built(fabric), resolution_of(fabric))),
+        _pulled(fabric, resolution, cell="full"), _pulled(fabric, resolution, cell="full", wales=2),
+        _tolerance(_relaxed(fabric, resolution)),
     )  # fmt: skip
 
 
-def _sections(fabric):
+def _sections(fabric, _):
     yarn = fabric.yarn
     law = ledger_laws(yarn)["continuous"]
     simulated = simulated_yarn(yarn, law, layout_of(yarn), "corrected")
@@ -139,7 +131,7 @@ def _sections(fabric):
     )  # fmt: skip
 
 
-def _fibres(fabric):
+def _fibres(fabric, _):
     loop, laws = loop_of(fabric), ledger_laws(fabric.yarn)
     layout, twist = layout_of(fabric.yarn).positions, signed_twist(fabric.yarn)
     strains = np.linspace(0.0, 0.2, 11)
@@ -157,8 +149,8 @@ def _fibres(fabric):
     )
 
 
-def _recovery(fabric):
-    relaxed = relax(_built(fabric), resolution_of(fabric))
+def _recovery(fabric, resolution):
+    relaxed = _relaxed(fabric, resolution)
 
     def there():
         force = _force(relaxed)
@@ -170,8 +162,8 @@ def _recovery(fabric):
     )  # fmt: skip
 
 
-def _states(fabric):
-    relaxed = relax(_built(fabric), resolution_of(fabric))
+def _states(fabric, resolution):
+    relaxed = _relaxed(fabric, resolution)
     many = STRAINS[-1] * np.arange(1, 31) / 30
     return measure(
         "states not asked for", "force along the course at the end",
@@ -180,7 +172,7 @@ def _states(fabric):
     )  # fmt: skip
 
 
-def _rules(fabric):
+def _rules(fabric, _):
     """The loop, which no setting of a test changes, made again."""
 
     def made():

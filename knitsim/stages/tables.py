@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from knitsim.store.timing import write_csv
+from knitsim.store.reader import opened
+from knitsim.store.timing import COLUMNS, write_csv
 
 # The paper, section 4: computing time of the whole simulation of one test (s).
 PAPER_TIMES = {
@@ -16,9 +17,7 @@ PAPER_TIMES = {
     ("kinematic_bending", "course"): 5 * 60.0,
     ("kinematic_bending", "wale"): 5 * 60.0,
 }
-TIMING_COLUMNS = (
-    "stage", "subject", "name", "value", "units", "repeats", "paper_value", "note", "machine"
-)  # fmt: skip
+TIMING_COLUMNS = (*COLUMNS[:-2], "paper_value", *COLUMNS[-2:])
 ASSUMPTION_COLUMNS = (
     "subject", "key", "value", "unit", "low", "high", "choices", "because", "largest_effect",
     "effect",
@@ -27,26 +26,23 @@ CORRECTION_COLUMNS = ("where", "printed", "right", "size", "value", "units", "su
 
 
 def timing_table(stage_files, path):
-    """Gather the run times of all jobs, with the paper's own beside those that it reports."""
+    """Gather the run times of all jobs, with the paper's own beside those of whole tests."""
     rows = []
     for file in stage_files:
         with Path(file).open(newline="", encoding="utf-8") as lines:
             for row in csv.DictReader(lines):
-                test = row["stage"], row["name"].partition(":")[0]
-                whole = "positions of" in row["name"] or "all readings" in row["name"]
-                row["paper_value"] = PAPER_TIMES.get(test, "") if whole else ""
-                rows.append(row)
-    rows.sort(key=lambda row: (row["stage"], row["subject"], row["name"]))
+                paper = PAPER_TIMES.get((row["stage"], row["direction"]), "")
+                rows.append(row | {"paper_value": paper if row["whole_test"] else ""})
+    rows.sort(key=lambda row: tuple(row[name] for name in COLUMNS[:4]))
     write_csv(path, TIMING_COLUMNS, rows)
 
 
-def _test_of(file):
+def _test_of(dataset):
     """What a result file is about, in words: ``kinematic tension, course: `` or nothing."""
-    model, _, direction = file.stem.partition("_")
-    kinds = {"tensile": "tension", "bending": "bending"}
-    if file.parent.parent.name in kinds:
-        return f"{model} {kinds[file.parent.parent.name]}, {direction}: "
-    return ""
+    kind, model, direction = (dataset.attrs[name] for name in ("kind", "model", "direction"))
+    if not direction:
+        return ""
+    return f"{model} {'tension' if kind == 'tensile' else kind}, {direction}: "
 
 
 def _effects(files):
@@ -55,28 +51,27 @@ def _effects(files):
     effect: relative change; NaN where the alternative was refused, which the text then says.
     """
     found = {}
-    for file in map(Path, files):
-        with xr.open_dataset(file, engine="netcdf4") as dataset:
-            name = json.loads(dataset.attrs["configuration"])["name"]
-            chosen = json.loads(dataset.attrs.get("settings", "{}"))
-            if chosen.get("estimated_error") is not None:
-                key = name, "scene.equilibrium_rest.accuracy"
-                found[key] = [("chosen", 0.0, _settings(chosen))]
-            if "quantity" not in dataset.coords:
-                continue
-            names = [_test_of(file) + str(q).replace("_", " ") for q in dataset["quantity"].values]
-            effects, refusals = dataset["assumption_effect"].values, dataset["refused"].values
-            for label, row, refused in zip(
-                dataset["alternative"].values, effects, refusals, strict=True
-            ):
-                key, _, value = str(label).rpartition("=")
-                rows = found.setdefault((name, key), [])
-                if refused:
-                    rows.append((value, np.nan, f"refused: {str(refused).partition(': ')[2]}"))
-                for quantity, effect in zip(names, row, strict=True):
-                    if np.isfinite(effect):
-                        text = f"{quantity} {100 * effect:+.3g} %"
-                        rows.append((value, effect, text if abs(effect) >= 5e-5 else ""))
+    for dataset in opened(files):
+        name = dataset.attrs["fabric"] or dataset.attrs["yarn"]
+        chosen = json.loads(dataset.attrs.get("settings", "{}"))
+        if chosen.get("estimated_error") is not None:
+            key = name, "scene.equilibrium_rest.accuracy"
+            found[key] = [("chosen", 0.0, _settings(chosen))]
+        if "quantity" not in dataset.coords:
+            continue
+        names = [_test_of(dataset) + str(q).replace("_", " ") for q in dataset["quantity"].values]
+        effects, refusals = dataset["assumption_effect"].values, dataset["refused"].values
+        for label, row, refused in zip(
+            dataset["alternative"].values, effects, refusals, strict=True
+        ):
+            key, _, value = str(label).rpartition("=")
+            rows = found.setdefault((name, key), [])
+            if refused:
+                rows.append((value, np.nan, f"refused: {str(refused).partition(': ')[2]}"))
+            for quantity, effect in zip(names, row, strict=True):
+                if np.isfinite(effect):
+                    text = f"{quantity} {100 * effect:+.3g} %"
+                    rows.append((value, effect, text if abs(effect) >= 5e-5 else ""))
     return found
 
 
@@ -245,7 +240,7 @@ def bending_corrections(bending, name, direction):
     if not {"corrected", "printed"} <= set(bending["variant"].values):
         return []
     along = "course" if direction == "course" else "wale"
-    line = bending["centreline"].sel(axis=along)
+    line = bending["centreline"].isel(loop=0).sel(axis=along)
     curvature = bending["curvature"].values
     smallest = int(np.argmin(np.where(curvature > 0, curvature, np.inf)))
     printed, right = (
@@ -284,24 +279,24 @@ FIXED_CORRECTIONS = (
 )  # fmt: skip
 
 
-def correction_table(files, path):
-    """Write what is wrong in the paper as printed, with the size of each error in this study.
+def _corrections_of(dataset):
+    """Rows of the corrections that one result shows; only the paper's own model shows any."""
+    kind, model, direction = (dataset.attrs[name] for name in ("kind", "model", "direction"))
+    if kind == "yarn":
+        yarn = dataset.attrs["yarn"]
+        return yarn_corrections(dataset, yarn) + law_corrections(dataset, yarn)
+    if model != "kinematic":
+        return []
+    fabric = dataset.attrs["fabric"]
+    if kind == "loop":
+        return loop_corrections(dataset, fabric)
+    of_test = {"tensile": tension_corrections, "bending": bending_corrections}[kind]
+    return of_test(dataset, fabric, direction)
 
-    files: result files, as the store names them.
-    """
-    rows = []
-    for file in map(Path, files):
-        with xr.open_dataset(file, engine="netcdf4") as dataset:
-            name = json.loads(dataset.attrs["configuration"])["name"]
-            direction = file.stem.partition("_")[2]
-            if file.parent.name == "yarn":
-                rows += yarn_corrections(dataset, name) + law_corrections(dataset, name)
-            elif file.parent.name == "loop":
-                rows += loop_corrections(dataset, name)
-            elif file.parent.parent.name == "tensile":
-                rows += tension_corrections(dataset, name, direction)
-            elif file.parent.parent.name == "bending":
-                rows += bending_corrections(dataset, name, direction)
+
+def correction_table(files, path):
+    """Write what is wrong in the paper as printed, with the size of each error in this study."""
+    rows = [row for dataset in opened(files) for row in _corrections_of(dataset)]
     rows = [
         (*row[:4], f"{row[4]:.6g}" if isinstance(row[4], float) else row[4], *row[5:])
         for row in [*rows, *FIXED_CORRECTIONS]

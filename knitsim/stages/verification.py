@@ -3,6 +3,7 @@
 import numpy as np
 import xarray as xr
 
+from knitsim.store.results import labels_of
 from knitsim.store.timing import Timings, write_csv
 from knitsim.store.writer import describe
 from knitsim.verification.case import CONTACT_LIMIT, ELEMENTS, LIMIT, check
@@ -56,10 +57,10 @@ def run(studied=None):
         "contact_limit": CONTACT_LIMIT,
     }
     describe(
-        dataset, title="Verification of the equilibrium solver against exact answers",
+        dataset, "verification", labels_of("verification"),
+        title="Verification of the equilibrium solver against exact answers",
         summary="Scenes of open yarns on the kernels of the fabric, each with more and more elements.",
         references=("bisshopp", "love", "romero"), configuration=configuration, assumptions=[],
-        modules=["knitsim.stages.verification"],
     )  # fmt: skip
     return dataset, [_row(one) for one in found], timings
 

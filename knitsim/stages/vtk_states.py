@@ -1,25 +1,28 @@
 """ParaView files of the fabric states in result files: the reference reading, loading only."""
 
-import json
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
+from knitsim.figures.vtk import write_series, write_yarns
 from knitsim.loop.repeat import bent_courses, fabric_courses
-from knitsim.store.vtk import write_series, write_yarns
+from knitsim.store.reader import opened
+from knitsim.store.results import DIRECTIONS
 
-LOOPS = 2  # loops each way in a file
+LOOPS = 2  # loops each way in a file, more where the repeating cell has more
 MOST_POINTS = 50  # points a loop: files of about 50 kB
 
 
-def _states(dataset, axis):
+def _states(dataset):
     """(number, polylines, field data, point data) of each state that has positions."""
     bent = "curvature" in dataset.coords
-    reference = dataset.isel(variant=0)
+    axis = DIRECTIONS.index(dataset.attrs["direction"])
+    reference = dataset.isel(variant=0).load()
     lines = reference["centreline"].values
-    stride = max(1, (lines.shape[1] - 1) // MOST_POINTS)
-    keep = np.unique(np.append(np.arange(0, lines.shape[1], stride), lines.shape[1] - 1))
+    stride = max(1, (lines.shape[2] - 1) // MOST_POINTS)
+    keep = np.unique(np.append(np.arange(0, lines.shape[2], stride), lines.shape[2] - 1))
+    wales, courses = (int(reference[f"loop_{of}"].max()) + 1 for of in ("wale", "course"))
+    wide, high = max(LOOPS, wales), max(LOOPS, courses)
     along, shown = "curvature" if bent else "strain", set()
     for k in range(reference.sizes["step"]):
         if not bent and reference["phase"].values[k] != "loading":
@@ -29,40 +32,32 @@ def _states(dataset, axis):
         if bent and value in shown:
             continue  # on the way back, or in another cycle
         shown.add(value)
+        given = lines[k][:, keep], *spacings, wide, high
         if bent:
-            courses = bent_courses(lines[k, keep], *spacings, LOOPS, LOOPS, value, axis)
+            yarns = bent_courses(*given, value, axis, courses=courses)
         else:
-            courses = fabric_courses(lines[k, keep], *spacings, LOOPS, LOOPS)
-        if not np.isfinite(courses).all():
+            yarns = fabric_courses(*given, courses=courses)
+        if not all(np.isfinite(yarn).all() for yarn in yarns):
             continue
         fields = {along: value, "step": k, "variant": str(reference["variant"].values)}
-        points = {
-            "course": list(range(LOOPS)),
-            "yarn_tension": [float(reference["yarn_tension"][k])] * LOOPS,
-            "yarn_strain": [float(reference["yarn_strain"][k])] * LOOPS,
-        }
-        yield k, courses, fields, points
+        points = {"course": list(range(high))}
+        for name in ("yarn_tension", "yarn_strain"):
+            points[name] = [float(reference[name][k])] * high
+        yield k, yarns, fields, points
 
 
 def run(files, directory):
     """Write one series a result file (``tensile`` or ``bending``) into ``directory``."""
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
-    for file in map(Path, files):
-        with xr.open_dataset(file, engine="netcdf4") as opened:
-            if "centreline" not in opened:
-                continue
-            dataset = opened.load()
-        model, _, direction = file.stem.partition("_")
-        name = f"{model}_{file.parent.parent.name}_{direction}"
-        fabric = json.loads(dataset.attrs["configuration"])["name"]
-        series = []
-        axis = ("course", "wale").index(direction)
-        for step, courses, fields, points in _states(dataset, axis):
+    for dataset in opened(files):
+        if "centreline" not in dataset:
+            continue
+        name = "_".join(dataset.attrs[label] for label in ("model", "kind", "direction"))
+        radius, series = 0.5 * float(dataset["diameter"]), []
+        for step, yarns, fields, points in _states(dataset):
             path = directory / f"{name}_{step:04d}.vtp"
-            radius = 0.5 * float(dataset["diameter"])
-            write_yarns(
-                path, courses, radius, point_data=points, field_data={"fabric": fabric, **fields}
-            )
+            fields = {"fabric": dataset.attrs["fabric"], **fields}
+            write_yarns(path, yarns, radius, point_data=points, field_data=fields)
             series.append((step, path))
         write_series(directory / f"{name}.pvd", series)

@@ -1,6 +1,6 @@
 """The yarn: its tension law, given or calibrated, its fibres, and the simulated tensile test."""
 
-import math
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -20,23 +20,17 @@ from knitsim.store.tensile import stack_variants
 from knitsim.store.timing import Timings
 from knitsim.store.writer import to_json
 from knitsim.study.schema import closure
-from knitsim.yarn.law import TensionLaw
-from knitsim.yarn.packing import pack
-from knitsim.yarn.section import (
-    SimulatedYarn,
-    fibre_path,
-    section_springs,
-    tangent_stiffness,
-    tensile_test,
-)
+from knitsim.yarn.packing import pack, solid_diameter
+from knitsim.yarn.section import fibre_path, section_springs, tangent_stiffness, tensile_test
+from knitsim.yarn.simulated_yarn import as_corrected, as_printed
 
 STAGE = "yarn"
 FIBRE_PATH_SECTIONS = 9
 
 
 def layout_of(yarn):
-    """FibreLayout of a YarnInput; fibres are round and solid."""
-    fibre = math.sqrt(4.0 * yarn["linear_density"] / (yarn["fibres"] * math.pi * yarn["density"]))
+    """FibreLayout of a YarnInput."""
+    fibre = solid_diameter(yarn["linear_density"], yarn["fibres"], yarn["density"])
     return pack(
         yarn["fibres"], yarn["diameter"], fibre, where=yarn.where("fibres")[: -len(".fibres")]
     )
@@ -48,33 +42,16 @@ def signed_twist(yarn):
 
 
 def simulated_yarn(yarn, law, layout, reading):
-    """SimulatedYarn in one reading of the paper, or None if the law has no such reading.
-
-    ``corrected``: k1 and k2 are the elastic and the post-yield stiffness of a filament.  ``printed``:
-    as section 2 of the paper names them, k1 the tension spring and k2 the bending spring, and twist
-    by eq (1) as printed.
-    """
+    """SimulatedYarn of a YarnInput, ``corrected`` or ``printed``; None if the law has no such reading."""
     common = {
-        "layout": layout,
         "spacing": yarn["section_spacing"],
         "twist": signed_twist(yarn),
         "section_stiffness": yarn["section_stiffness"],
         "where": yarn.where("fibres")[: -len(".fibres")],
     }
-    fibre_law = law.scaled(1.0 / layout.fibres)
-    if reading == "corrected":
-        second_moment = math.pi * layout.fibre_diameter**4 / 64.0
-        return SimulatedYarn(
-            law=fibre_law, bending_rigidity=yarn["fibre_modulus"] * second_moment, **common
-        )
-    if not (fibre_law.plastic and fibre_law.strain.size == 3):
-        return None
-    k1, k2 = np.diff(fibre_law.tension) / np.diff(fibre_law.strain)
-    end = fibre_law.breaking_strain
-    return SimulatedYarn(
-        law=TensionLaw([0.0, end], [0.0, k1 * end], end), bending_constant=k2,
-        twist_form="printed", **common,
-    )  # fmt: skip
+    if reading == "printed":
+        return as_printed(law, layout, **common)
+    return as_corrected(law, layout, yarn["fibre_modulus"], **common)
 
 
 def _run_test(simulated, test):
@@ -108,9 +85,14 @@ def _test_dataset(result):
     )
 
 
-def _calibration_variables(calibration, stated):
+NOT_MEASURED = "the curve was computed from stated constants: they are found again, no more"
+
+
+def _calibration_variables(calibration, stated, rebuilt):
     names = list(calibration.estimates)
-    found = calibration.estimates.values()
+    found = list(calibration.estimates.values())
+    if rebuilt:  # a fit to its own constants says nothing of how well they are known
+        found = [replace(e, low=np.nan, high=np.nan, note=NOT_MEASURED) for e in found]
     known = {}
     if stated is not None and calibration.kind == "bilinear":
         slopes = np.diff(stated.tension) / np.diff(stated.strain)
@@ -120,6 +102,7 @@ def _calibration_variables(calibration, stated):
         known = {"k_low": slopes[0], "k_high": slopes[1], "switch_strain": stated.strain[1]}
         known["offset"] = (slopes[1] - slopes[0]) * stated.strain[1]
     data = {
+        "curve_origin": np.int8(rebuilt),
         "curve_tension": ("sample", calibration.force),
         "curve_strain": ("sample", calibration.strain),
         "fitted_tension": ("sample", calibration.fitted),
@@ -196,7 +179,8 @@ def run(yarn):
         "section": np.arange(FIBRE_PATH_SECTIONS),
     }
     if calibration is not None:
-        more, labels = _calibration_variables(calibration, stated_law(yarn))
+        rebuilt = yarn["tension_curve.rebuilt"]
+        more, labels = _calibration_variables(calibration, stated_law(yarn), rebuilt)
         data, coords = data | more, coords | labels
     dataset = xr.Dataset(data, coords)
     if results:
@@ -204,7 +188,7 @@ def run(yarn):
     with timings.measure("effect of the assumptions"):
         dataset = xr.merge([dataset, effect_dataset(yarn, closure(STAGE), headlines)])
     if calibration is not None:
-        dataset.attrs["calibration"] = calibration.statement
+        dataset.attrs["calibration_statement"] = NOT_MEASURED if rebuilt else calibration.statement
         dataset.attrs["calibration_source"] = calibration.source
         dataset.attrs["measured_tests"] = to_json({"tension_curve": calibration.record})
     describe_stage(

@@ -9,8 +9,8 @@ from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
 from knitsim.kes.rigidity import affine_rigidity, rigidity_and_curl
 from knitsim.stages.described import describe_stage
-from knitsim.stages.equilibrium import resolution_of, solver_fabric
-from knitsim.stages.equilibrium_bending import DIRECTIONS
+from knitsim.stages.equilibrium import settings_of, solver_fabric
+from knitsim.store.results import DIRECTIONS
 from knitsim.store.timing import Timings
 
 STAGE = "yarn_to_fabric"
@@ -44,8 +44,8 @@ def run(fabric, laws):
     """(dataset, timings) of a FabricInput; laws: TensionLaw of its yarn by form."""
     timings = Timings(STAGE, fabric.name)
     test = fabric.scene[STAGE]
-    built = solver_fabric(fabric, laws["continuous"])
-    resolution = resolution_of(fabric)
+    built, settings = solver_fabric(fabric, laws["continuous"]), settings_of(fabric)
+    resolution = settings.resolution
     rows, swept, reasons = [], [], []
     with timings.measure("rigidity over loop length, diameter and set"):
         for quantity, changes in swept_fabrics(built, test):
@@ -85,6 +85,6 @@ def run(fabric, laws):
         title=f"Bending rigidity of fabric {fabric.name} over that of its yarn",
         summary="Loop length, yarn diameter and set change one at a time; equilibrium without"
         " friction, spacings free.",
-        references=("munden",),
+        references=("munden",), settings=settings.told({}),
     )  # fmt: skip
     return dataset, timings

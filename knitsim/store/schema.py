@@ -6,7 +6,7 @@ This table is the contract with readers of the files.  A change of it is a chang
 
 from dataclasses import dataclass
 
-SCHEMA_VERSION = "1.0"
+SCHEMA_VERSION = "2.0"
 CONVENTIONS = "CF-1.11, ACDD-1.3"
 
 AXES = ("course", "wale", "thickness")
@@ -30,6 +30,9 @@ COORDINATES = {
     "term": Name(None, "energy term"),
     "variant": Name(None, "reading of the same test"),
     "step": Name("1", "number of the stored state, in the order of the test"),
+    "loop": Name("1", "number of the loop in the repeating cell, along its courses in turn"),
+    "loop_wale": Name("1", "wale of the loop in the repeating cell, from 0"),
+    "loop_course": Name("1", "course of the loop in the repeating cell, from 0"),
     "point": Name("1", "number of the point along one loop"),
     "section": Name("1", "number of the cross-section along one loop"),
     "fibre": Name("1", "number of the fibre in its cross-section"),
@@ -70,6 +73,7 @@ COORDINATES = {
     "curvature": Name("m-1", "curvature, positive when the technical face is convex"),
     "phase": Name(None, "loading or recovery"),
     "cycle": Name("1", "number of the cycle, from 1"),
+    "segment": Name("1", "number of the turning point that the test goes towards, from 0"),
     "row": Name("1", "number of the row of a table"),
     "test": Name(None, "kind of test: tensile, bending or shear"),
     "model": Name(None, "kinematic or equilibrium"),
@@ -101,6 +105,7 @@ VARIABLES = {
     "fibre_path": Name("m", "fibre centres over successive cross-sections", shape=True),
     "section_edge": Name("1", "numbers of the two fibres that a section spring joins"),
     "section_spacing": Name("m", "distance of successive cross-sections"),
+    "curve_origin": Name(None, "where the yarn's curve comes from", ("measured", "rebuilt")),
     "curve_strain": Name("1", "strain of the yarn's given curve, slack removed"),
     "curve_tension": Name("N", "tension of the yarn's given curve"),
     "fitted_tension": Name("N", "tension of the calibrated law at the strains of the given curve"),
@@ -120,7 +125,10 @@ VARIABLES = {
     "friction_dissipated": Name("J m-1", "work of F = c v per length of yarn, cumulative"),
     "work_per_length": Name("J m-1", "work done per length of yarn, cumulative"),
     # loop
-    "centreline": Name("m", "centre line of one loop", shape=True),
+    "centreline": Name(
+        "m", "centre lines; the last point of a loop is the first of the next one in its course",
+        shape=True,
+    ),
     "model_length": Name("m", "length L of the bent model along the bent direction"),
     "tangent": Name("1", "unit tangent of the centre line", shape=True),
     "normal": Name("1", "first unit normal of the rotation-minimising frame", shape=True),
@@ -164,7 +172,9 @@ VARIABLES = {
     "work": Name("J", "work done per loop, cumulative"),
     "dissipated": Name("J", "energy lost per loop, cumulative"),
     "min_distance": Name("1", "smallest distance of yarn centre lines, in yarn diameters"),
-    "crossings_intact": Name(None, "whether the loops are interlooped", ("lost", "intact")),
+    "crossings_intact": Name(
+        None, "whether the loops are interlooped", ("lost", "intact", "not_reached")
+    ),
     "stated_wale_spacing": Name("m", "distance of neighbouring wales as stated"),
     "stated_course_spacing": Name("m", "distance of neighbouring courses as stated"),
     "fitted_loop_length": Name("m", "loop length with which the relaxed density is the stated one"),
@@ -177,6 +187,7 @@ VARIABLES = {
     "compared_spacing": Name("m", "relaxed spacings at these loop lengths"),
     "residual": Name("N", "largest residual force"),
     "iterations": Name("1", "iterations of the solver"),
+    "increments": Name("1", "steps of the solver since the state before"),
     "status": Name(
         None, "state of the solution",
         ("valid", "beyond_breaking_strain", "not_defined", "not_converged", "crossings_lost"),

@@ -5,6 +5,8 @@ import xarray as xr
 
 from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES
 
+SMALLEST_OF_LARGEST = 0.01  # numerical_error is relative to no less than that of the largest value
+
 
 def stack_variants(datasets):
     """Datasets of one test, by the name of their variant, along the labelled dimension ``variant``."""
@@ -17,8 +19,8 @@ def stack_variants(datasets):
     )
 
 
-def test_dataset(along, values, recovery, variables, *, stretch_energy, cycle=None):
-    """A dataset with the dimension ``step`` and the coordinates of a test.
+def test_dataset(along, values, recovery, variables, *, stretch_energy):
+    """A dataset with the dimension ``step`` and the coordinates of a test of one loop.
 
     along: ``strain`` or ``curvature``; values, recovery, stretch_energy: shape (steps,); variables:
     arrays by schema name, (steps,), or (steps, points, 3) for the centre line.  Energy terms that
@@ -27,17 +29,34 @@ def test_dataset(along, values, recovery, variables, *, stretch_energy, cycle=No
     steps = values.size
     energy = np.zeros((steps, len(ENERGY_TERMS)))
     energy[:, ENERGY_TERMS.index("stretch")] = stretch_energy
-    data = {"energy": (("step", "term"), energy)}
-    for name, array in variables.items():
-        dims = ("step", "point", "axis")[: array.ndim]
-        data[name] = (dims, array)
+    data = {name: ("step", array) for name, array in variables.items() if array.ndim == 1}
+    data["energy"] = (("step", "term"), energy)
     coords = {
         "step": np.arange(steps),
         "term": list(ENERGY_TERMS),
         along: ("step", values),
         "phase": ("step", np.array(PHASES)[recovery.astype(int)]),
-        "cycle": ("step", np.ones(steps, dtype=np.int32) if cycle is None else cycle),
+        "cycle": ("step", np.ones(steps, dtype=np.int32)),
     }
     if "centreline" in variables:
-        coords |= {"point": np.arange(variables["centreline"].shape[1]), "axis": list(AXES)}
+        lines = variables["centreline"][:, None]
+        data["centreline"] = (("step", "loop", "point", "axis"), lines)
+        coords |= loop_coordinates(lines.shape[2])
     return xr.Dataset(data, coords)
+
+
+def absolute_error(values, relative):
+    """Error of forces or moments (steps,) from the ``relative`` one that the store keeps of them."""
+    size = np.abs(values)
+    return relative * np.fmax(size, SMALLEST_OF_LARGEST * np.nanmax(size))
+
+
+def loop_coordinates(points, wales=1, courses=1):
+    """Coordinates of the loops of a cell, a course after the other, and of the ``points`` of each."""
+    return {
+        "loop": np.arange(wales * courses),
+        "loop_wale": ("loop", np.tile(np.arange(wales), courses)),
+        "loop_course": ("loop", np.repeat(np.arange(courses), wales)),
+        "point": np.arange(points),
+        "axis": list(AXES),
+    }

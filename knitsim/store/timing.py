@@ -11,7 +11,12 @@ from pathlib import Path
 
 from knitsim.files import replacing
 
-COLUMNS = ("stage", "subject", "name", "value", "units", "repeats", "note", "machine")
+MEDIAN = "median, compiled"  # note of what is timed by itself, not within a job
+# whole_test: whether it is what the paper calls the computing time of a test.
+COLUMNS = (
+    "stage", "subject", "direction", "name", "value", "units", "repeats", "whole_test", "note",
+    "machine",
+)  # fmt: skip
 
 
 @functools.cache
@@ -30,22 +35,22 @@ def machine():
 class Timings:
     """Rows of run times of one stage on one subject (a yarn, a fabric, or ``all``)."""
 
-    def __init__(self, stage, subject):
-        self.stage, self.subject, self.rows = stage, subject, []
+    def __init__(self, stage, subject, direction=""):
+        self.about, self.rows = (stage, subject, direction), []
 
-    def add(self, name, seconds, repeats=1, note=""):
-        self.rows.append(
-            (self.stage, self.subject, name, f"{seconds:.6g}", "s", repeats, note, machine())
-        )
+    def add(self, name, seconds, repeats=1, note="", whole=False):
+        self.rows.append((
+            *self.about, name, f"{seconds:.6g}", "s", repeats, "yes" if whole else "", note, machine()
+        ))  # fmt: skip
 
     @contextmanager
-    def measure(self, name, note=""):
+    def measure(self, name, note="", whole=False):
         """Record the wall time of the block."""
         start = time.perf_counter()
         yield
-        self.add(name, time.perf_counter() - start, note=note)
+        self.add(name, time.perf_counter() - start, note=note, whole=whole)
 
-    def repeat(self, name, call, budget=0.03, note=""):
+    def repeat(self, name, call, budget=0.03, whole=False):
         """Record the median wall time of ``call()`` over one to a hundred runs, after one not counted.
 
         budget: seconds after which no further run is begun.  Returns the result of the last run.
@@ -55,7 +60,7 @@ class Timings:
             begin = time.perf_counter()
             result = call()
             seconds.append(time.perf_counter() - begin)
-        self.add(name, statistics.median(seconds), len(seconds), note or "median, compiled")
+        self.add(name, statistics.median(seconds), len(seconds), MEDIAN, whole)
         return result
 
     def write(self, path):

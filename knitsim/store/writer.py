@@ -1,5 +1,6 @@
 """Writing result files: names checked against the schema, the same input to the same bytes."""
 
+import hashlib
 import json
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 import knitsim
 from knitsim.files import replacing
 from knitsim.provenance import source_hash
+from knitsim.store.results import LABELS, RESULTS, path_of
 from knitsim.store.schema import (
     CONVENTIONS,
     COORDINATES,
@@ -17,6 +19,8 @@ from knitsim.store.schema import (
 
 # Shapes are rounded to seven significant digits (below 1 nm on a loop): files 3 times smaller.
 SHAPE_DIGITS = 7
+LICENSE = "that of whoever ran the study; knitsim (BSD-3-Clause) claims no right in results"
+_NEEDED = (*LABELS, "title", "source_hash", "configuration", "assumptions")
 
 
 def to_json(value):
@@ -24,23 +28,37 @@ def to_json(value):
     return json.dumps(value, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
 
 
-def describe(dataset, *, title, summary, references, configuration, assumptions, modules):
+def describe(
+    dataset, stage, labels, *, title, summary, references, configuration, assumptions, modules=None
+):
     """``dataset`` with the global attributes that every result file carries (in place).
 
-    references: keys of schema.REFERENCES; configuration: plain data, the scene's resolved input;
-    assumptions: list of rows of the ledger; modules: the knitsim modules whose sources the result
-    depends on.
+    stage: of results.RESULTS; labels: as results.labels_of gives them; references: keys of
+    schema.REFERENCES; configuration: plain data, the scene's resolved input; assumptions: list of rows
+    of the ledger; modules: those whose sources the result depends on, that of the stage if None.
     """
+    version = f"knitsim {knitsim.__version__}"
+    sources = source_hash(*([f"knitsim.stages.{stage}"] if modules is None else modules))
+    configuration = to_json(configuration)
+    made = hashlib.sha256(f"{sources} {configuration}".encode()).hexdigest()[:16]
+    words = ("weft-knitted fabric", labels["pattern"], RESULTS[stage].keywords)
     dataset.attrs.update(
         title=title,
         summary=summary,
-        source=f"knitsim {knitsim.__version__}",
+        **labels,
+        source=version,
         references="; ".join(REFERENCES[key] for key in references),
+        keywords=", ".join(filter(None, words)),
+        license=LICENSE,
+        creator_name=version,
+        # The same for the same input and sources, and for nothing else.
+        id=f"{path_of(stage, **labels).removesuffix('.nc')}-{made}",
+        naming_authority="knitsim",
         Conventions=CONVENTIONS,
         schema_version=SCHEMA_VERSION,
         knitsim_version=knitsim.__version__,
-        source_hash=source_hash(*modules),
-        configuration=to_json(configuration),
+        source_hash=sources,
+        configuration=configuration,
         assumptions=to_json(assumptions),
     )
     return dataset
@@ -51,7 +69,7 @@ def write(dataset, path):
 
     Raises ValueError for a name that the schema does not know or an attribute that is missing.
     """
-    for needed in ("title", "source_hash", "configuration", "assumptions"):
+    for needed in _NEEDED:
         if needed not in dataset.attrs:
             raise ValueError(f"{path}: attribute {needed} is missing")
     dataset = dataset.copy(deep=False)

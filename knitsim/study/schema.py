@@ -131,6 +131,8 @@ TENSION_CURVE = Section(
             "Length between the clamps, if the file gives extension and does not state it.",
             unit="mm", allowed="(0, 1e5]"),
         ZERO_KEY,
+        Key("rebuilt", "rebuilt", "flag", "Whether the curve was computed from stated constants "
+            "instead of measured: a fit to it then finds no more than these.", default=False),
     ),
 )
 
@@ -377,16 +379,16 @@ EQUILIBRIUM_REST = Section(
     of="fabric",
     stage="equilibrium_rest",
     keys=(
-        Key("points", "points", "integer", "Control points of the spline of one loop, a multiple "
-            "of 4.", allowed="[24, 640]", default=48),
-        Key("accuracy", "accuracy", "number", "Instead of points: relative error of the forces in "
-            "tension (of 1 % of the largest where they are less) that is asked for. Points, contact "
-            "points and increments of all equilibrium tests are then chosen by their estimated error "
-            "up to the smallest max_strain of equilibrium_tension.", allowed="[1e-4, 0.5]",
-            because="asked for; each result says what was chosen in its attribute settings"),
-        Key("cell", "cell", "choice", "quarter: a quarter of a loop carries the symmetric states. "
-            "full: one whole loop, without symmetry.", choices=("quarter", "full"),
-            default="quarter"),
+        Key("accuracy", "accuracy", "number", "Relative error of spacings, forces and moments (of 1 % "
+            "of the largest where they are less) that is asked for. Points, contact points and "
+            "increments of each equilibrium test are chosen by its estimated error; each result says "
+            "in its attribute settings what was taken.", allowed="[1e-4, 0.5]", default=0.01),
+        Key("points", "points", "integer", "Instead of an accuracy: control points of the spline of "
+            "one loop, a multiple of 4. The error is then estimated, not acted on.",
+            allowed="[24, 640]"),
+        Key("cell", "cell", "choice", "symmetric: only what the symmetry of pattern and test leaves of "
+            "the cell is solved. full: all of it, without symmetry.", choices=("symmetric", "full"),
+            default="symmetric"),
         Key("fit_density", "fit_density", "flag", "Also fit loop length and set so that the fabric at "
             "rest has the stated density.", default=False),
         Key("set_compared", "set_compared", "numbers", "Fractions of set at which the relaxed "

@@ -33,8 +33,6 @@ class Resolved:
     """
 
     section = None
-    # How finely the stages solve it, once they have settled that; kept by with_value.
-    settings = None
 
     def __init__(self, file, base, point, label, tree):
         self.file, self.base, self.point = file, base, point

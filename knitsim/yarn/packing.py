@@ -116,6 +116,11 @@ def pack(fibres, diameter, fibre_diameter=None, where="yarn"):
     return FibreLayout(0.5 * diameter * unit, diameter, fibre_diameter, where)
 
 
+def solid_diameter(linear_density, fibres, density):
+    """Diameter (m) of round, solid fibres; linear_density (kg/m) of the yarn, density (kg/m3) of them."""
+    return math.sqrt(4.0 * linear_density / (fibres * math.pi * density))
+
+
 def _spiral(fibres):
     """Vogel's lattice in the unit disc with its core loosened, shape (fibres, 2)."""
     order = np.arange(1, fibres + 1)

@@ -82,6 +82,31 @@ class SimulatedYarn:
         return bool(math.isfinite(self.section_stiffness) and (across != 0).any())
 
 
+def as_corrected(law, layout, fibre_modulus, **options):
+    """SimulatedYarn of fibres that share the ``law`` of the whole yarn and bend elastically.
+
+    k1 and k2 of the paper are then the elastic and the post-yield stiffness of a filament.  fibre_modulus:
+    Young's modulus of the fibre (Pa); options: further fields of SimulatedYarn.
+    """
+    rigidity = fibre_modulus * (math.pi * layout.fibre_diameter**4 / 64.0)
+    return SimulatedYarn(
+        layout, law.scaled(1.0 / layout.fibres), bending_rigidity=rigidity, **options
+    )
+
+
+def as_printed(law, layout, **options):
+    """As section 2 of the paper has it: k1 the tension spring, k2 the bending spring, eq (1) as printed.
+
+    None if the ``law`` of the whole yarn is not one of these two constants.
+    """
+    fibre = law.scaled(1.0 / layout.fibres)
+    if not (fibre.plastic and fibre.strain.size == 3):
+        return None
+    (k1, k2), end = np.diff(fibre.tension) / np.diff(fibre.strain), fibre.breaking_strain
+    tension = TensionLaw([0.0, end], [0.0, k1 * end], end)
+    return SimulatedYarn(layout, tension, bending_constant=k2, twist_form="printed", **options)
+
+
 def check_twist(twist, spacing, diameter, form, where="yarn"):
     """Raise InputError for a twist (turns/m) that cannot be built, or not at this spacing (m)."""
     check_length(spacing, f"{where}.spacing")

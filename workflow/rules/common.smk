@@ -15,6 +15,7 @@ from knitsim.files import cache_root
 from knitsim.provenance import kernel_hash, source_hash
 from knitsim.stages.compile import marker
 from knitsim.stages.needs import skips_of
+from knitsim.store.results import RESULTS, path_of
 
 # One thread a job: -c says how many jobs run side by side.
 for library in ("OMP", "MKL", "OPENBLAS", "NUMBA"):
@@ -25,7 +26,7 @@ for key, value in config.items():
         sys.exit(f"knitsim: --config {key} = {value}: must be study=DIR or results=DIR")
 config.setdefault("study", "config")
 config.setdefault("results", "results")
-RESULTS = Path(config["results"])
+STORE = Path(config["results"])
 
 
 def checked_study(path):
@@ -53,19 +54,18 @@ except InputError as error:
     sys.exit(f"knitsim: {error}")
 
 MEASURED_FABRICS = [name for name, fabric in STUDY.fabrics.items() if names_of(fabric)]
-MEASURED_FIGURES = ("fig30_calibration", "fig31_prediction", "fig32_misfit_profile")
 # Longest compilation first.
 PARTS = ("equilibrium", "figures", "yarn", "fabric")
 # The chain through the equilibrium tests is the longest: first, but after its own compilation.
 EQUILIBRIUM_PRIORITY = 1 if marker("equilibrium").exists() else -1
-UNDIRECTED_TESTS = ("equilibrium_rest", "equilibrium_shear", "yarn_to_fabric", "sensitivity")
-FABRIC_TESTS = (
-    "kinematic_tension", "kinematic_bending", "equilibrium_tension", "equilibrium_bending"
-)
+# The stages that are tests of a scene of a fabric, by the name of its section.
+TESTS = [stage for stage in RESULTS if any(stage in f.scene.values for f in STUDY.fabrics.values())]
+# Those that have KES parameters.
+KES_KINDS = ("tensile", "bending", "shear")
 
 
 def results(pattern):
-    return (RESULTS / pattern).as_posix()
+    return (STORE / pattern).as_posix()
 
 
 def log_of(name):
@@ -85,6 +85,11 @@ def inputs_of(group, name, stage):
     return digest_of(getattr(STUDY, group)[name].config(stage))
 
 
+def result_of(stage, **labels):
+    """Path of the files of a stage; labels that are not given stay wildcards."""
+    return results(path_of(stage, **labels))
+
+
 def fabrics_with(test):
     return [name for name, fabric in STUDY.fabrics.items() if fabric.scene[test] is not None]
 
@@ -92,12 +97,18 @@ def fabrics_with(test):
 FABRICS_WITH_LOOP = [name for name, fabric in STUDY.fabrics.items() if fabric.scene.needs_loop]
 
 
-def directions(fabric, test):
-    return STUDY.fabrics[fabric].scene[test]["directions"]
+def wildcards_of(stage, fabric):
+    """The wildcards, a dict each, of the jobs of a test of a fabric."""
+    scene = STUDY.fabrics[fabric].scene[stage]
+    if scene is None:
+        return []
+    if not RESULTS[stage].has_direction:
+        return [{"fabric": fabric}]
+    return [{"fabric": fabric, "direction": direction} for direction in scene["directions"]]
 
 
 def yarn_of(wildcards):
-    return results(f"yarn/{STUDY.fabrics[wildcards.fabric].yarn.name}.nc")
+    return result_of("yarn", yarn=STUDY.fabrics[wildcards.fabric].yarn.name)
 
 
 def compression_of(wildcards):
@@ -105,50 +116,32 @@ def compression_of(wildcards):
 
 
 def yarn_files():
-    return expand(rules.yarn.output.result, yarn=STUDY.yarns)
+    return [result_of("yarn", yarn=yarn) for yarn in STUDY.yarns]
 
 
-def fabric_files():
-    files = expand(rules.loop.output.result, fabric=FABRICS_WITH_LOOP)
-    for test in UNDIRECTED_TESTS:
-        files += expand(getattr(rules, test).output.result, fabric=fabrics_with(test))
-    for test in FABRIC_TESTS:
-        for fabric in fabrics_with(test):
-            files += expand(
-                getattr(rules, test).output.result,
-                fabric=fabric,
-                direction=directions(fabric, test),
-            )
-    return files
+def loop_files():
+    return [result_of("loop", fabric=fabric) for fabric in FABRICS_WITH_LOOP]
 
 
-def tests_of(wildcards):
-    """The result files of the tests of a fabric that have a direction."""
-    fabric = wildcards.fabric
+def tests_of(fabric, kinds=None):
+    """The result files of the tests of a fabric; kinds: of these only."""
     return [
-        path
-        for test in FABRIC_TESTS
-        if fabric in fabrics_with(test)
-        for path in expand(
-            getattr(rules, test).output.result, fabric=fabric, direction=directions(fabric, test)
-        )
+        result_of(stage, **wildcards)
+        for stage in TESTS
+        if kinds is None or RESULTS[stage].kind in kinds
+        for wildcards in wildcards_of(stage, fabric)
     ]
 
 
-# Tests that have KES parameters.
-KES_TESTS = {*FABRIC_TESTS, "equilibrium_shear"}
-FABRICS_WITH_KES = [
-    name
-    for name, fabric in STUDY.fabrics.items()
-    if any(fabric.scene[test] is not None for test in KES_TESTS)
-]
+def fabric_files():
+    return loop_files() + [file for fabric in STUDY.fabrics for file in tests_of(fabric)]
 
 
-def kes_tests_of(wildcards):
-    shear = "equilibrium_shear" if wildcards.fabric in fabrics_with("equilibrium_shear") else None
-    return tests_of(wildcards) + (
-        expand(getattr(rules, shear).output.result, fabric=wildcards.fabric) if shear else []
-    )
+FABRICS_WITH_KES = [fabric for fabric in STUDY.fabrics if tests_of(fabric, KES_KINDS)]
+
+
+def kes_files():
+    return [result_of("kes", fabric=fabric) for fabric in FABRICS_WITH_KES]
 
 
 def one_of_each_scene():
@@ -166,7 +159,7 @@ def skips_of_fabric(fabric):
 def calibrated(fabric, on_request=False):
     """Result files of a fabric's calibrations; on_request None: of all of them."""
     return [
-        results(f"measured/{fabric}/{name}.nc")
+        result_of("calibration", fabric=fabric, calibration=name)
         for name in names_of(STUDY.fabrics[fabric], on_request)
     ]
 
@@ -176,25 +169,20 @@ def measured_curves(wildcards):
     return [path for name in fabric["measured"] for path in fabric.measured_paths(name)]
 
 
-def figures_of(fabric, target, on_request):
-    """{figure: stem of its files}; the first measured fabric carries the plain names."""
-    suffix = f"_{fabric}" if MEASURED_FABRICS.index(fabric) else ""
-    fits = len(names_of(STUDY.fabrics[fabric], on_request)) > 1
-    names = MEASURED_FIGURES if fits else MEASURED_FIGURES[:-1]
-    return {name: results(f"figures/{name}{suffix}{target}") for name in names}
-
-
-def drawn(stems):
-    return [f"{stem}.{kind}" for stem in stems.values() for kind in ("png", "svg")]
+def drawn(figures, suffix):
+    """The files of figures of the catalogue."""
+    return [
+        results(f"figures/{figure.name}{suffix}.{kind}")
+        for figure in figures
+        for kind in ("png", "svg")
+    ]
 
 
 def output_files():
-    vtk = expand(rules.vtk.output.directory, fabric=STUDY.fabrics)
-    kes = expand(rules.kes.output.result, fabric=FABRICS_WITH_KES)
     verified = [*rules.verification.output, *rules.figures_verification.output]
-    verified += rules.skipping.output
-    verified += rules.benchmark_quick.output
-    return [*rules.tables.output, *kes, *vtk, *FIGURES, *verified]
+    vtk = expand(rules.vtk.output.directory, fabric=STUDY.fabrics)
+    benchmark = [*rules.skipping.output, *rules.benchmark_quick.output]
+    return [*rules.tables.output, *kes_files(), *vtk, *FIGURES, *verified, *benchmark]
 
 
 wildcard_constraints:

@@ -1,141 +1,50 @@
-# Fabric: the loop, and the paper's tests on it.
+# Fabric: the loop, its tests in both models, and their KES parameters.
 
 
 rule loop:
     output:
-        result=results("loop/{fabric}.nc"),
+        result=result_of("loop"),
         timings=timings_of("loop_{fabric}"),
     log:
         log_of("loop_{fabric}"),
     params:
+        stage="loop",
         inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "loop"),
         source=source_hash("knitsim.stages.loop"),
     script:
-        "../scripts/loop.py"
+        "../scripts/stage.py"
 
 
-rule kinematic_tension:
-    input:
-        yarn=yarn_of,
-    output:
-        result=results("tensile/{fabric}/kinematic_{direction}.nc"),
-        timings=timings_of("kinematic_tension_{fabric}_{direction}"),
-    log:
-        log_of("kinematic_tension_{fabric}_{direction}"),
-    params:
-        inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "kinematic_tension"),
-        source=source_hash("knitsim.stages.kinematic_tension"),
-    # The figures of tension, the longest to draw, wait for it.
-    priority: 1
-    script:
-        "../scripts/fabric_test.py"
+for stage in TESTS:
+    job = f"{stage}_{{fabric}}" + ("_{direction}" if RESULTS[stage].has_direction else "")
 
-
-rule kinematic_bending:
-    input:
-        yarn=yarn_of,
-    output:
-        result=results("bending/{fabric}/kinematic_{direction}.nc"),
-        timings=timings_of("kinematic_bending_{fabric}_{direction}"),
-    log:
-        log_of("kinematic_bending_{fabric}_{direction}"),
-    params:
-        inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "kinematic_bending"),
-        source=source_hash("knitsim.stages.kinematic_bending"),
-    script:
-        "../scripts/fabric_test.py"
-
-
-rule equilibrium_rest:
-    input:
-        yarn=yarn_of,
-        compression=compression_of,
-    output:
-        result=results("relaxed/{fabric}.nc"),
-        timings=timings_of("equilibrium_rest_{fabric}"),
-    log:
-        log_of("equilibrium_rest_{fabric}"),
-    params:
-        inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "equilibrium_rest"),
-        source=source_hash("knitsim.stages.equilibrium_rest"),
-    priority: EQUILIBRIUM_PRIORITY
-    script:
-        "../scripts/fabric_test.py"
-
-
-rule equilibrium_tension:
-    input:
-        yarn=yarn_of,
-        compression=compression_of,
-    output:
-        result=results("tensile/{fabric}/equilibrium_{direction}.nc"),
-        timings=timings_of("equilibrium_tension_{fabric}_{direction}"),
-    log:
-        log_of("equilibrium_tension_{fabric}_{direction}"),
-    params:
-        inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "equilibrium_tension"),
-        source=source_hash("knitsim.stages.equilibrium_tension"),
-    priority: EQUILIBRIUM_PRIORITY
-    script:
-        "../scripts/fabric_test.py"
-
-
-rule equilibrium_shear:
-    input:
-        yarn=yarn_of,
-        compression=compression_of,
-    output:
-        result=results("shear/{fabric}/equilibrium.nc"),
-        timings=timings_of("equilibrium_shear_{fabric}"),
-    log:
-        log_of("equilibrium_shear_{fabric}"),
-    params:
-        inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "equilibrium_shear"),
-        source=source_hash("knitsim.stages.equilibrium_shear"),
-    priority: EQUILIBRIUM_PRIORITY
-    script:
-        "../scripts/fabric_test.py"
-
-
-rule equilibrium_bending:
-    input:
-        yarn=yarn_of,
-        compression=compression_of,
-    output:
-        result=results("bending/{fabric}/equilibrium_{direction}.nc"),
-        timings=timings_of("equilibrium_bending_{fabric}_{direction}"),
-    log:
-        log_of("equilibrium_bending_{fabric}_{direction}"),
-    params:
-        inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "equilibrium_bending"),
-        source=source_hash("knitsim.stages.equilibrium_bending"),
-    priority: EQUILIBRIUM_PRIORITY
-    script:
-        "../scripts/fabric_test.py"
-
-
-rule yarn_to_fabric:
-    input:
-        yarn=yarn_of,
-        compression=compression_of,
-    output:
-        result=results("yarn_to_fabric/{fabric}.nc"),
-        timings=timings_of("yarn_to_fabric_{fabric}"),
-    log:
-        log_of("yarn_to_fabric_{fabric}"),
-    params:
-        inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "yarn_to_fabric"),
-        source=source_hash("knitsim.stages.yarn_to_fabric"),
-    priority: EQUILIBRIUM_PRIORITY
-    script:
-        "../scripts/fabric_test.py"
+    rule:
+        name:
+            stage
+        input:
+            yarn=yarn_of,
+            # Of the yarn in the equilibrium model.
+            compression=compression_of if RESULTS[stage].model == "equilibrium" else [],
+        output:
+            result=result_of(stage),
+            timings=timings_of(job),
+        log:
+            log_of(job),
+        params:
+            stage=stage,
+            inputs=lambda wildcards, stage=stage: inputs_of("fabrics", wildcards.fabric, stage),
+            source=source_hash(f"knitsim.stages.{stage}"),
+        # The figures of tension, the longest to draw, wait for the kinematic one.
+        priority: {"kinematic_tension": 1, "kinematic_bending": 0}.get(stage, EQUILIBRIUM_PRIORITY)
+        script:
+            "../scripts/stage.py"
 
 
 rule kes:
     input:
-        kes_tests_of,
+        lambda wildcards: tests_of(wildcards.fabric, KES_KINDS),
     output:
-        result=results("kes/{fabric}.nc"),
+        result=result_of("kes"),
     log:
         log_of("kes_{fabric}"),
     params:

@@ -16,11 +16,12 @@ rule measured:
         compression=compression_of,
         curves=measured_curves,
     output:
-        result=results("measured/{fabric}/{calibration}.nc"),
+        result=result_of("calibration"),
         timings=timings_of("measured_{fabric}_{calibration}"),
     log:
         log_of("measured_{fabric}_{calibration}"),
     params:
+        stage="calibration",
         inputs=lambda wildcards: digest_of(
             config_of(STUDY.fabrics[wildcards.fabric], wildcards.calibration)
         ),
@@ -29,18 +30,15 @@ rule measured:
         calibration=r"[^/]+",
     priority: EQUILIBRIUM_PRIORITY
     script:
-        "../scripts/measured.py"
+        "../scripts/stage.py"
 
 
 # Tables and figures of the calibrations made by default, and of all of them.
-MEASURED_OUTPUT = []
+MEASURED_OUTPUT, ALL_MEASURED_FIGURES = [], []
 for target, on_request in (("", False), ("_all", None)):
     if not MEASURED_FABRICS:
         break
     tables = [results(f"tables/{name}{target}.csv") for name in MEASURED_TABLES]
-    stems = {fabric: figures_of(fabric, target, on_request) for fabric in MEASURED_FABRICS}
-    if not target:
-        MEASURED_OUTPUT += [*tables, *(file for own in stems.values() for file in drawn(own))]
 
     rule:
         name:
@@ -56,39 +54,31 @@ for target, on_request in (("", False), ("_all", None)):
         script:
             "../scripts/measured_tables.py"
 
-    for fabric in MEASURED_FABRICS:
+    MEASURED_OUTPUT += [] if target else tables
+    for number, fabric in enumerate(MEASURED_FABRICS):
+        # The first measured fabric carries the plain names.
+        suffix, fits = (f"_{fabric}" if number else "") + target, calibrated(fabric, on_request)
+        names = ["measured", "fitted"] if len(fits) > 1 else ["measured"]
+        outputs = drawn(catalogue.drawable("measured", "fabric", names), suffix)
+        ALL_MEASURED_FIGURES += outputs if target else []
+        MEASURED_OUTPUT += [] if target else outputs
 
         rule:
             name:
-                f"measured_figures{target}_{MEASURED_FABRICS.index(fabric)}"
+                f"figures_measured{target}_{number}"
             input:
-                calibrated(fabric, on_request),
+                **{name: fits for name in names},
             output:
-                drawn(stems[fabric]),
+                outputs,
             log:
-                log_of(f"measured_figures{target}_{fabric}"),
+                log_of(f"figures_measured{target}_{fabric}"),
             params:
-                stems=stems[fabric],
-                source=source_hash("knitsim.figures.measured"),
+                group="measured",
+                of="fabric",
+                suffix=suffix,
+                source=source_hash("knitsim.figures.draw", *catalogue.modules("measured")),
             script:
-                "../scripts/measured_figures.py"
-
-
-rule sensitivity:
-    input:
-        yarn=yarn_of,
-        compression=compression_of,
-    output:
-        result=results("sensitivity/{fabric}.nc"),
-        timings=timings_of("sensitivity_{fabric}"),
-    log:
-        log_of("sensitivity_{fabric}"),
-    params:
-        inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "sensitivity"),
-        source=source_hash("knitsim.stages.sensitivity"),
-    priority: EQUILIBRIUM_PRIORITY
-    script:
-        "../scripts/fabric_test.py"
+                "../scripts/figures.py"
 
 
 if fabrics_with("sensitivity"):
@@ -96,7 +86,7 @@ if fabrics_with("sensitivity"):
 
     rule sensitivity_table:
         input:
-            expand(rules.sensitivity.output.result, fabric=fabrics_with("sensitivity")),
+            [result_of("sensitivity", fabric=fabric) for fabric in fabrics_with("sensitivity")],
         output:
             results("tables/sensitivity.csv"),
         log:
@@ -110,7 +100,7 @@ if fabrics_with("sensitivity"):
 rule calibration:
     input:
         [results(f"tables/{name}_all.csv") for name in MEASURED_TABLES] if MEASURED_FABRICS else [],
-        [file for fabric in MEASURED_FABRICS for file in drawn(figures_of(fabric, "_all", None))],
+        ALL_MEASURED_FIGURES,
 
 
 localrules:

@@ -4,7 +4,7 @@
 rule tables:
     input:
         results=[*yarn_files(), *fabric_files()],
-        kes_of_fabrics=expand(rules.kes.output.result, fabric=FABRICS_WITH_KES),
+        kes_of_fabrics=kes_files(),
         timings=[
             timings_of(name)
             for name in [
@@ -14,15 +14,10 @@ rule tables:
                 *(f"yarn_{yarn}" for yarn in STUDY.yarns),
                 *(f"loop_{fabric}" for fabric in FABRICS_WITH_LOOP),
                 *(
-                    f"{test}_{fabric}"
-                    for test in UNDIRECTED_TESTS
-                    for fabric in fabrics_with(test)
-                ),
-                *(
-                    f"{test}_{fabric}_{direction}"
-                    for test in FABRIC_TESTS
-                    for fabric in fabrics_with(test)
-                    for direction in directions(fabric, test)
+                    "_".join([stage, *wildcards.values()])
+                    for stage in TESTS
+                    for fabric in STUDY.fabrics
+                    for wildcards in wildcards_of(stage, fabric)
                 ),
             ]
         ],
@@ -43,7 +38,7 @@ rule tables:
 
 rule vtk:
     input:
-        results=tests_of,
+        results=lambda wildcards: tests_of(wildcards.fabric, ("tensile", "bending")),
     output:
         directory=directory(results("vtk/{fabric}")),
     log:
@@ -57,28 +52,18 @@ rule vtk:
 # One rule for each group of figures and each yarn or fabric, since what can be drawn depends on the
 # tests of its scene.  The first yarn and the first fabric carry the plain names.
 FIGURES = []
+MADE = {*yarn_files(), *fabric_files(), *kes_files()}
 for group in catalogue.GROUPS:
     for of, subjects in (("yarn", STUDY.yarns), ("fabric", STUDY.fabrics)):
         for number, subject in enumerate(subjects):
-            made = {*yarn_files(), *fabric_files()}
-            made.update(expand(rules.kes.output.result, fabric=FABRICS_WITH_KES))
-            files = {
-                name: results(pattern.format(subject=subject))
-                for name, pattern in catalogue.FILES.items()
-                if results(pattern.format(subject=subject)) in made
-                and (pattern.startswith("yarn/") == (of == "yarn"))
-            }
-            drawable = catalogue.drawable(group, of, files)
-            if not drawable:
+            paths = {name: results(path) for name, path in catalogue.files_of(of, subject).items()}
+            files = {name: path for name, path in paths.items() if path in MADE}
+            figures = catalogue.drawable(group, of, files)
+            if not figures:
                 continue
-            used = {name for figure in drawable for name in (*figure.needs, *figure.takes)}
+            used = {name for figure in figures for name in (*figure.needs, *figure.takes)}
             suffix = f"_{subject}" if number else ""
-            outputs = [
-                results(f"figures/{figure.name}{suffix}.{kind}")
-                for figure in drawable
-                for kind in ("png", "svg")
-            ]
-            FIGURES += outputs
+            FIGURES += drawn(figures, suffix)
 
             rule:
                 name:
@@ -86,7 +71,7 @@ for group in catalogue.GROUPS:
                 input:
                     **{name: file for name, file in files.items() if name in used},
                 output:
-                    outputs,
+                    drawn(figures, suffix),
                 log:
                     log_of(f"figures_{group}_{subject}"),
                 params:

@@ -3,7 +3,7 @@
 
 rule verification:
     output:
-        result=results("verification/cases.nc"),
+        result=result_of("verification"),
         table=results("tables/accuracy.csv"),
         timings=timings_of("verification"),
     log:
@@ -20,7 +20,7 @@ rule figures_verification:
     input:
         verification=rules.verification.output.result,
     output:
-        [results(f"figures/fig17_verification.{kind}") for kind in ("png", "svg")],
+        drawn(catalogue.drawable("verification", "study", ["verification"]), ""),
     log:
         log_of("figures_verification"),
     params:

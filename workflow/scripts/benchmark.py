@@ -7,9 +7,13 @@ with job(snakemake):
 
     from knitsim.figures import style
     from knitsim.figures.benchmark import read, run_time_against_error
+    from knitsim.figures.catalogue import TABLE_CAPTIONS
     from knitsim.stages.benchmark import run_errors
 
     output = snakemake.output
     run_errors(snakemake.params.full, output.errors, output.bought)
     with style.context():
-        style.save(run_time_against_error(read(output.errors)), Path(output.errors).with_suffix(""))
+        picture = run_time_against_error(read(output.errors))
+        style.save(
+            picture, Path(output.errors).with_suffix(""), TABLE_CAPTIONS["run_time_against_error"]
+        )

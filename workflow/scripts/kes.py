@@ -6,4 +6,4 @@ with job(snakemake):
     from knitsim.stages.kes import run
     from knitsim.store.writer import write
 
-    write(run(snakemake.wildcards.fabric, snakemake.input), snakemake.output.result)
+    write(run(snakemake.input), snakemake.output.result)

@@ -5,6 +5,8 @@ import re
 import sys
 from pathlib import Path
 
+from knitsim.store.timing import MEDIAN
+
 
 def rows_of(path):
     with path.open(newline="", encoding="utf-8") as file:
@@ -37,12 +39,13 @@ def assumptions(path):
 
 def timings(path):
     rows = [
-        [row["stage"].replace("_", " "), row["subject"], row["name"], f"{1e3 * float(row['value']):.3g} ms",
+        [row["stage"].replace("_", " "), row["subject"], row["direction"], row["name"],
+         f"{1e3 * float(row['value']):.3g} ms",
          f"{float(row['paper_value']) / 60:.0f} min" if row["paper_value"] else ""]
         for row in rows_of(path)
-        if any(words in row["name"] for words in ("200 steps", "states from", "relaxing"))
+        if row["note"] == MEDIAN
     ]  # fmt: skip
-    return table(["stage", "fabric", "test", "here", "the paper"], rows)
+    return table(["stage", "fabric", "direction", "test", "here", "the paper"], rows)
 
 
 def bought(path):

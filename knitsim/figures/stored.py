@@ -2,7 +2,6 @@
 
 import json
 from pathlib import PurePosixPath
-from textwrap import fill
 
 import numpy as np
 
@@ -10,14 +9,12 @@ from knitsim.errors import InputError
 from knitsim.store.schema import VARIABLES
 
 BEYOND_BREAK = VARIABLES["status"].flags.index("beyond_breaking_strain")
-MM, PERCENT, PER_CM = "mm", "percent", "per_cm"  # units of the figures' axes
 SMALL_POINTS = 40  # points a loop that look round where a yarn is a few pixels thick
-N_PER_MM, GF_PER_CM = "N_per_mm", "gf_per_cm"
 
 
 def fabric_name(dataset):
     """Name of the yarn or fabric that a result file is about."""
-    return json.loads(dataset.attrs["configuration"])["name"]
+    return dataset.attrs["fabric"] or dataset.attrs["yarn"]
 
 
 def breaking_strain(dataset):
@@ -31,7 +28,7 @@ def law_source(dataset):
     if curve is None:
         return "Tension law of the yarn as stated in the configuration."
     file = PurePosixPath(curve["file"] or curve["files"][0])
-    if file.stem.endswith("_rebuilt"):
+    if curve["rebuilt"]:
         return (
             "Tension law of the yarn rebuilt from the paper's constants, not measured; the paper's"
             " measured curve of the fabric is not available."
@@ -57,6 +54,21 @@ def with_centreline(dataset):
     return dataset
 
 
+def one_loop(dataset):
+    """The dataset of a test of the kinematic model, with the centre line of its one loop."""
+    return with_centreline(dataset).isel(loop=0)
+
+
+def first_loop(state):
+    """Centre line (point, 3) (m) of the first loop of a state."""
+    return state.centreline.values.reshape(-1, state.sizes["point"], 3)[0]
+
+
+def courses_of(state):
+    """Courses in the repeating cell of a state."""
+    return int(state.loop_course.max()) + 1
+
+
 def loading(dataset):
     """Numbers of the states on loading."""
     return np.flatnonzero(dataset.phase.values == "loading")
@@ -80,21 +92,13 @@ def is_beyond_break(state):
     return int(state.status) == BEYOND_BREAK
 
 
+def with_neighbours(chosen):
+    """The chosen states (n,), bool, and those beside them: their line goes on from the others'."""
+    return chosen | np.append(chosen[1:], False) | np.append(False, chosen[:-1])
+
+
 def thinned(state):
     """The state with about :data:`SMALL_POINTS` points of its centre line, for a small picture."""
     points = state.sizes["point"]
     stride = max(1, (points - 1) // SMALL_POINTS)
     return state.isel(point=np.unique([*range(0, points, stride), points - 1]))
-
-
-def letter(ax, text, x=0.0, y=1.02):
-    """A panel's letter and heading, above its left corner."""
-    ax.set_title(text, loc="left", x=x, y=y, pad=0)
-
-
-def heading(fig, text):
-    """The line above a figure that says what it shows, broken where it would run over the page."""
-    title = fig.suptitle(text, fontsize=9)
-    share = 0.98 * fig.bbox.width / title.get_window_extent().width
-    if share < 1.0:
-        title.set_text(fill(text, int(share * len(text)), break_on_hyphens=False))

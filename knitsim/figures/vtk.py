@@ -18,6 +18,7 @@ import numpy as np
 
 from knitsim.errors import InputError
 from knitsim.files import replacing
+from knitsim.loop.frames import line_frames
 
 SIDES = 10
 BLOCK = 32768  # bytes in a compressed block, VTK's own default
@@ -37,26 +38,8 @@ def tube_surface(points, radius, sides=SIDES):
     is the centre line's point behind each.  polygons: (vertices, ends) as VTK has them, quads and
     two end polygons, counter-clockwise seen from outside.
     """
-    points = np.asarray(points, dtype=float)
     count = len(points)
-    chords = np.diff(points, axis=0)
-    chords /= np.linalg.norm(chords, axis=1)[:, None]
-    tangents = np.concatenate([chords[:1], chords[1:] + chords[:-1], chords[-1:]])
-    # Where the yarn turns straight back the two chords cancel: the first one stands in.
-    lost = np.linalg.norm(tangents, axis=1) < 1e-9
-    tangents[lost] = chords[np.flatnonzero(lost) - 1]
-    tangents /= np.linalg.norm(tangents, axis=1)[:, None]
-    aside = np.empty_like(tangents)
-    carried = np.eye(3)[np.argmin(np.abs(tangents[0]))]
-    for i, tangent in enumerate(tangents):  # each frame is its predecessor, projected
-        carried = carried - carried.dot(tangent) * tangent
-        norm = math.sqrt(carried.dot(carried))
-        if norm < 1e-9:
-            carried = np.eye(3)[np.argmin(np.abs(tangent))]
-            carried = carried - carried.dot(tangent) * tangent
-            norm = math.sqrt(carried.dot(carried))
-        carried = carried / norm
-        aside[i] = carried
+    tangents, aside = line_frames(points)
     across = np.cross(tangents, aside)
     angle = 2.0 * np.pi * np.arange(sides) / sides
     normals = (
