@@ -156,19 +156,38 @@ def turn(rub, d, place, share):
     place: what moves against it, d itself for two yarns.  Returns how much its force would change by the
     whole of what was asked for (N), and the force itself.
     """
+    before, size = across(place, rub.anchor, rub.normal)
+    over = min(rub.stiffness, rub.limit / size) if size > 0.0 else 0.0
     distance = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    old = (rub.normal[0], rub.normal[1], rub.normal[2])
+    n = (d[0] / distance, d[1] / distance, d[2] / distance)
+    face(rub, n)
+    after, size = across(place, rub.anchor, rub.normal)
+    now = min(rub.stiffness, rub.asked / size) if size > 0.0 else 0.0
+    change = 0.0
+    for axis in range(3):
+        change += (now * after[axis] - over * before[axis]) ** 2
+    if share < 1.0:
+        a = (1.0 - share) * old[0] + share * n[0]
+        b = (1.0 - share) * old[1] + share * n[1]
+        c = (1.0 - share) * old[2] + share * n[2]
+        long = math.sqrt(a * a + b * b + c * c)
+        face(rub, (a / long, b / long, c / long))
+    rub.limit = max(rub.limit + share * (rub.asked - rub.limit), 0.0)
+    return math.sqrt(change), now * size
+
+
+@njit
+def face(rub, n):
+    """Give a RUB the unit normal n and the anchor that goes with it."""
     shared, leant = 1.0, 0.0
     for axis in range(3):
-        rub.normal[axis] = d[axis] / distance
-        shared += rub.normal[axis] * rub.facing[axis]
-        leant += rub.normal[axis] * rub.held[axis]
+        rub.normal[axis] = n[axis]
+        shared += n[axis] * rub.facing[axis]
+        leant += n[axis] * rub.held[axis]
     for axis in range(3):
-        turned = rub.held[axis] - leant / shared * (rub.facing[axis] + rub.normal[axis])
+        turned = rub.held[axis] - leant / shared * (rub.facing[axis] + n[axis])
         rub.anchor[axis] = rub.start[axis] - turned
-    _, size = across(place, rub.anchor, rub.normal)
-    now, then = min(rub.stiffness * size, rub.asked), min(rub.stiffness * size, rub.limit)
-    rub.limit = max(rub.limit + share * (rub.asked - rub.limit), 0.0)
-    return abs(now - then), now
 
 
 @njit
