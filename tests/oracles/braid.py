@@ -63,3 +63,17 @@ def friction_of_braid():
     """s: int p dxi."""
     x, _, p = braid()
     return float(p.sum() * (x[1] - x[0]))
+
+
+def next_of_pull():
+    """Of e, in F h^2/B = (e^4/2)(1 + it e + ...) without friction.
+
+    Bending energy of the braid and what the loop turns by more than a whole turn come to G B e/R, with G the
+    least value of the functional above plus l/2.  At 2 pi R = rod length less distance of the ends, F is
+    the derivative of pi B/R + G B h^(1/2) R^(-3/2) by that distance.
+    """
+    x, r, _ = braid()
+    step = x[1] - x[0]
+    bent = 0.25 * step * ((np.diff(r, 2, axis=0) / step**2) ** 2).sum()
+    slopes = (r[-1, 0] - r[-2, 0] + r[1, 0] - r[0, 0]) / step
+    return 3.0 / (2.0 * np.pi) * (bent - 0.5 * slopes + 0.5 * x[-1])
