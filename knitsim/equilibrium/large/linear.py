@@ -15,7 +15,14 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from knitsim.equilibrium.kernels.energy import new_work
-from knitsim.equilibrium.kernels.pairs import CHUNK, Listed, expand, place_frames, place_points, touching
+from knitsim.equilibrium.kernels.pairs import (
+    CHUNK,
+    Listed,
+    expand,
+    place_frames,
+    place_points,
+    touching,
+)
 from knitsim.equilibrium.kernels.records import LATTICE, Work
 from knitsim.equilibrium.large import assembly as kernels
 
