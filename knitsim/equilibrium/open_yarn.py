@@ -19,7 +19,7 @@ import numpy as np
 from knitsim.equilibrium import spline
 from knitsim.equilibrium.contact import BarrierContact
 from knitsim.equilibrium.kernels.accept import NOT_SETTLED
-from knitsim.equilibrium.kernels.contact import barrier_at, law_at
+from knitsim.equilibrium.kernels.contact import barrier_at, flat_mean, steps_at
 from knitsim.equilibrium.kernels.energy import new_work
 from knitsim.equilibrium.kernels.fixtures import law_of
 from knitsim.equilibrium.kernels.follow import (
@@ -33,7 +33,7 @@ from knitsim.equilibrium.kernels.follow import (
 )
 from knitsim.equilibrium.kernels.friction import MEMORY, Memory, Rub
 from knitsim.equilibrium.kernels.newton import CONVERGED, Control, minimise
-from knitsim.equilibrium.kernels.pairs import expand, pairs_at, place_points
+from knitsim.equilibrium.kernels.pairs import expand, pairs_at, place_frames, place_points, touching
 from knitsim.equilibrium.kernels.records import LATTICE, Scene
 from knitsim.equilibrium.open_scene import assemble, loads_of, out_of_plane, turned
 from knitsim.equilibrium.relax import REASONS
@@ -201,16 +201,19 @@ class OpenState:
 
     def contact_force(self, yarn, other):
         """Force (3,) of the contact with another yarn on this one (N)."""
-        touch = self.scene.touch
-        points = np.zeros((touch.points.size, 3))
-        place_points(touch, self.x, points)
+        touch, law = self.scene.touch, self.scene.law
+        points = np.zeros((touch.points.size, 9))
+        place_frames(touch, self.x, points)
         total = np.zeros(3)
         mine, theirs = (np.flatnonzero(touch.points.yarn == k) for k in (yarn, other))
-        for i in mine:
-            for k in theirs:
-                d = points[i] - points[k]
-                _, slope, _ = law_at(float(d @ d), self.scene.law)
-                total -= 2.0 * slope * d * touch.points.length[i] * touch.points.length[k]
+        apart = np.linalg.norm(points[mine, None, :3] - points[None, theirs, :3], axis=2)
+        for i, k in np.argwhere(apart < touching(self.scene)):
+            i, k = int(mine[i]), int(theirs[k])
+            d, steps = tuple(points[i, :3] - points[k, :3]), steps_at(touch, points, (i, k, 0))
+            e, f, c = (np.array(step) for step in steps)
+            _, by_square, by_own, by_other, *_ = flat_mean(d, steps, law)
+            push = by_square * (2.0 * np.array(d) + c / 12.0) + 2.0 * (by_own * e - by_other * f)
+            total -= push * touch.points.length[i] * touch.points.length[k]
         return total
 
     def cylinder_force(self, cylinder=0):

@@ -314,7 +314,9 @@ def bent_lift(gaps, kappa, step, slope, factor):
         slope[3] += factor * kappa * mi * q2 * u * u
         slope[3 - r] += factor * twice * kappa * q1
         slope[4] += factor * (cross * q2 + both * q2k) * u * u
-        slope[4] += factor * 2.0 * u * z * (m * q1 + kappa * ((zk if r == 0 else zi) * q1 + m * q1k))
+        slope[4] += (
+            factor * 2.0 * u * z * (m * q1 + kappa * ((zk if r == 0 else zi) * q1 + m * q1k))
+        )
     return lift
 
 
@@ -375,7 +377,11 @@ def add_bent_contact(scene, lattice, listed, order, work):
             aa, ab, bb = w * mean[7], w * mean[8], w * mean[9]
             for a in range(5):
                 x, y, z = rows[0, a], rows[1, a], rows[2, a]
-                x, y, z = qq * x + qa * y + qb * z, qa * x + aa * y + ab * z, qb * x + ab * y + bb * z
+                x, y, z = (
+                    qq * x + qa * y + qb * z,
+                    qa * x + aa * y + ab * z,
+                    qb * x + ab * y + bb * z,
+                )
                 for b in range(a, 5):
                     bend[a, b] = q * curved[a, b] + x * rows[0, b] + y * rows[1, b] + z * rows[2, b]
         add_gaps(scene, pair, order, slope, bend, table, work)

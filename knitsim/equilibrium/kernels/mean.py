@@ -62,7 +62,11 @@ def barrier_integrals(u):
         u3 = u * u * u
         return u * u / (1.0 - u), first * u3, second * u3 * u
     log, square = math.log1p(-u), u * u
-    return square / (1.0 - u), -log - u - 0.5 * square, (1.0 - u) * log + u - 0.5 * square - square * u / 6.0
+    return (
+        square / (1.0 - u),
+        -log - u - 0.5 * square,
+        (1.0 - u) * log + u - 0.5 * square - square * u / 6.0,
+    )
 
 
 @njit
@@ -100,7 +104,10 @@ def barrier_mean(square, a, b, law):
     by_uu = 2.0 * i3 + 24.0 * i5 * m2 + 720.0 * i5 * i2 * m4
     of_a, of_b = a * (aa / 480.0 + bb / 288.0), b * (bb / 480.0 + aa / 288.0)
     by_a, by_b = i3 * a / 6.0 + 24.0 * i5 * of_a, i3 * b / 6.0 + 24.0 * i5 * of_b
-    by_ua, by_ub = 0.5 * i2 * i2 * a + 120.0 * i5 * i * of_a, 0.5 * i2 * i2 * b + 120.0 * i5 * i * of_b
+    by_ua, by_ub = (
+        0.5 * i2 * i2 * a + 120.0 * i5 * i * of_a,
+        0.5 * i2 * i2 * b + 120.0 * i5 * i * of_b,
+    )
     by_aa = i3 / 6.0 + 24.0 * i5 * (aa / 160.0 + bb / 288.0)
     by_bb = i3 / 6.0 + 24.0 * i5 * (bb / 160.0 + aa / 288.0)
     by_ab = i5 * a * b / 6.0
@@ -162,7 +169,9 @@ def table_integrals(w, table):
         c = table[at + k]
         full = 1.0 - x ** (k + 1)
         first += h * c * full / (k + 1.0)
-        second += h * h * c * ((1.0 - x) / (k + 1.0) - (1.0 - x ** (k + 2)) / ((k + 1.0) * (k + 2.0)))
+        second += (
+            h * h * c * ((1.0 - x) / (k + 1.0) - (1.0 - x ** (k + 2)) / ((k + 1.0) * (k + 2.0)))
+        )
     return value, first, second
 
 
