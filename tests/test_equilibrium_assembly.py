@@ -84,7 +84,7 @@ def test_pair_energies_are_assembled_as_by_matrices(kind):
 @pytest.mark.parametrize("reach", [0.9, 1.15, 2.0])
 def test_pairs_of_a_symmetric_cell_match_a_full_table(reach):
     model, lattice, work = placed("symmetric")
-    touch, points, reach = model.scene.touch, work.points, reach * COTTON.diameter
+    touch, points, reach = model.scene.touch, work.points[:, :3], reach * COTTON.diameter
     assert len(points) > 2 * CHUNK
     arc = touch.points.arc
     # Each ordered pair stands for half an unordered one.
@@ -107,7 +107,7 @@ def test_pairs_of_a_symmetric_cell_match_a_full_table(reach):
         key = min((i, k, g), (k, i, int(touch.images[g].inverse)))
         assert key not in found
         found[key] = value
-    assert len(found) > 20
+    assert len(found) > 5
     assert found == pytest.approx(expected)
 
 

@@ -206,10 +206,20 @@ def test_small_curvature_agrees_with_the_second_derivative(cotton, direction):
     model, bent = cotton.model, {"course": 0, "wale": 1}[direction]
     scene, free = model.scene._replace(bend=Bend(bent)), model.free(0, 3)
     work, at = new_work(scene), model.lattice + 3 * bent
-    energy_of(scene, cotton.y, pairs_at(scene, cotton.y, 0.0, work), (), np.int64(2), work)
-    mixed = work.hessian[free, -1]
-    stiff = work.hessian[np.ix_(free, free)]
-    by_angle = work.hessian[-1, -1] - mixed @ np.linalg.solve(stiff, mixed)
+    every = np.append(free, len(cotton.y) - 1)
+    hessian, step = np.empty((len(every), len(every))), 1e-8
+
+    def gradient(i, way):
+        y = cotton.y.copy()
+        y[i] += way
+        energy_of(scene, y, pairs_at(scene, y, 0.0, work), (), np.int64(1), work)
+        return work.gradient[every]
+
+    for column, i in enumerate(every):
+        way = step / COTTON["wale_spacing"] if i == every[-1] else step
+        hessian[:, column] = (gradient(i, way) - gradient(i, -way)) / (2.0 * way)
+    mixed, stiff = hessian[:-1, -1], hessian[:-1, :-1]
+    by_angle = hessian[-1, -1] - mixed @ np.linalg.solve(stiff, mixed)
     # The angle is curvature times spacing; the moment stands over the transverse spacing at rest.
     expected = by_angle * cotton.y[at] / cotton.y[model.lattice + 3 * (1 - bent)]
     small = 0.02
@@ -267,7 +277,8 @@ def test_free_spacings_do_not_know_the_reference_plane(cotton, direction):
         )
         assert count == 3
         moment.append(force[:, -1])
-    np.testing.assert_allclose(moment[1], moment[0], rtol=1e-8)
+    # The cells of contact points are cut off after the second order, in one plane as in the other.
+    np.testing.assert_allclose(moment[1], moment[0], rtol=1e-6)
     assert abs(moment[0][1] - moment[0][2]) > 0.01 * abs(moment[0][0])
 
 
@@ -287,7 +298,7 @@ def test_held_spacings_are_stiffer(cotton):
 
 @pytest.mark.parametrize("direction", ["course", "wale"])
 def test_friction_makes_a_loop(cotton, rubbing, direction):
-    plain, loop = (bend(r, direction, CYCLE) for r in (cotton, rubbing))
+    plain, loop = (bend(r, direction, CYCLE, increment=12.5) for r in (cotton, rubbing))
     assert plain.stop_reason == loop.stop_reason == ""
     np.testing.assert_array_equal(loop.curvature, CYCLE)
     largest = np.abs(plain.moment_per_width - plain.flat_moment).max()
@@ -304,7 +315,7 @@ def test_friction_makes_a_loop(cotton, rubbing, direction):
     # Energy is stored or lost, and the loop encloses what is lost.
     stored = loop.energy.sum(1) - loop.energy.sum(1)[0]
     np.testing.assert_allclose(
-        loop.work - stored, loop.dissipated, rtol=0, atol=0.01 * loop.dissipated[-1]
+        loop.work - stored, loop.dissipated, rtol=0, atol=0.005 * loop.dissipated[-1]
     )
     assert loop.dissipated[-1] > 0.0
     np.testing.assert_array_equal(loop.phase, np.repeat([0, 1, 0, 1], [11, 10, 10, 10]))

@@ -20,7 +20,7 @@ from knitsim.equilibrium.fabric import Fabric
 from knitsim.equilibrium.kernels.curved import chord_square
 from knitsim.equilibrium.kernels.curved_friction import arm_at, vector_at
 from knitsim.equilibrium.kernels.energy import energy_of, new_work
-from knitsim.equilibrium.kernels.pairs import Listed, expand, pairs_at, place_points
+from knitsim.equilibrium.kernels.pairs import Listed, expand, pairs_at, place_frames, place_points
 from knitsim.equilibrium.kernels.records import (
     ANGLE,
     LATTICE,
@@ -30,7 +30,7 @@ from knitsim.equilibrium.kernels.records import (
     no_pairs,
     records,
 )
-from knitsim.equilibrium.kernels.slip import add_pairs, begin_slip, end_slip, lag_slip
+from knitsim.equilibrium.kernels.slip import add_pairs, begin_slip, end_slip, lag_slip, press_of
 from knitsim.equilibrium.relax import relax
 from knitsim.yarn.law import paper_k3
 
@@ -72,13 +72,13 @@ def with_history(model, y, kappa, direction, rub):
 
 @pytest.mark.parametrize("direction", [0, 1])
 @pytest.mark.parametrize("kappa", [0.0, 180.0, -90.0])
-@pytest.mark.parametrize("friction", ["none", "pairs", "yarn"])
+@pytest.mark.parametrize("friction", ["yarn alone", "contact", "pairs", "yarn"])
 def test_derivatives_match_differences(cotton, direction, kappa, friction):
-    """By all unknowns, the angle among them; with friction its own part alone."""
+    """By all unknowns, the angle among them; of the contacts or of friction the own part alone."""
     model = cotton.model
     scene, y = bent(model, disturbed(cotton), kappa, direction)
     work, slip = new_work(scene), ()
-    if friction != "none":
+    if friction in ("pairs", "yarn"):
         rub = rub_of(COTTON) if friction == "pairs" else rub_of(COTTON, 0.0, LAGGING)
         slip = with_history(model, y, kappa, direction, rub)
         springs = elongations(scene, y, slip)
@@ -89,15 +89,17 @@ def test_derivatives_match_differences(cotton, direction, kappa, friction):
     unit = np.ones(len(y))
     unit[-1] = 1.0 / COTTON.wale_spacing
 
+    none = Listed(*no_pairs(), y, np.zeros(1))
+
+    def parts(y, listed, slip):
+        energy = energy_of(scene, y, listed, slip, 2, work)
+        return energy, unit * work.gradient, np.outer(unit, unit) * work.hessian
+
     def at(y):
-        whole = energy_of(scene, y, listed, slip, 2, work)
-        parts = whole, unit * work.gradient, np.outer(unit, unit) * work.hessian
-        assert work.terms.min() > 0.0
-        if not slip:
-            return parts
-        smooth = energy_of(scene, y, listed, (), 2, work)
-        less = smooth, unit * work.gradient, np.outer(unit, unit) * work.hessian
-        return tuple(a - b for a, b in zip(parts, less, strict=True))
+        if friction == "yarn alone":
+            return parts(y, none, ())
+        whole, less = parts(y, listed, slip), parts(y, listed if slip else none, ())
+        return tuple(a - b for a, b in zip(whole, less, strict=True))
 
     energy, gradient, hessian = at(y)
     assert energy > 0.0
@@ -112,7 +114,9 @@ def test_derivatives_match_differences(cotton, direction, kappa, friction):
         )
         assert (up - down) / (2 * step) == pytest.approx(gradient @ v, rel=2e-5)
         difference = (gradient_up - gradient_down) / (2 * step)
-        assert np.abs(difference - hessian @ v).max() <= 3e-6 * np.abs(hessian @ v).max() > 0.0
+        # The contacts' Hessian leaves out how their cells change.
+        exact = 0.08 if friction == "contact" else 3e-6
+        assert np.abs(difference - hessian @ v).max() <= exact * np.abs(hessian @ v).max() > 0.0
 
 
 def test_flat_fabric_is_the_limit(cotton):
@@ -234,7 +238,7 @@ def test_friction_is_the_sum_over_the_pairs(cotton, direction):
         image = scene.touch.images[g]
         expand(scene.map, y, work.x)
         place_points(scene.touch, work.x, work.points)
-        own, other = work.points[i].copy(), image.sign * work.points[k]
+        own, other = work.points[i, :3].copy(), image.sign * work.points[k, :3]
         other[:2] += image.steps @ y[model.lattice : -1].reshape(2, 2)
         if direction is None:
             return own - other
@@ -242,10 +246,10 @@ def test_friction_is_the_sum_over_the_pairs(cotton, direction):
         order = [0, 1, 2] if direction == 0 else [1, 0, 2]
         return in_turning_frame(own[order], other[order], kappa)
 
-    def limit_at(d, weight):
-        x = np.linalg.norm(d) / COTTON.diameter
-        force = 2e3 * (1 / x - x) * (1 / x**2 + 1) / COTTON.diameter * weight if x < 1.0 else 0.0
-        return rub.friction * force
+    def limit_at(y, pair, weight):
+        lattice = expand(scene.map, y, work.x)
+        place_frames(scene.touch, work.x, work.points)
+        return rub.friction * press_of(scene, lattice, pair, work) * weight
 
     remembered = {}
     for start, end in itertools.pairwise(ways):
@@ -259,7 +263,8 @@ def test_friction_is_the_sum_over_the_pairs(cotton, direction):
             normal, k = there / np.linalg.norm(there), rub.shell * weight
             e0, facing = remembered.get(tuple(pair), (np.zeros(3), np.zeros(3)))
             e = stretched(here, there, normal, e0, facing)
-            before, limit, size = limit_at(here, weight), limit_at(there, weight), np.linalg.norm(e)
+            before, limit = (limit_at(one, tuple(pair), weight) for one in (start, end))
+            size = np.linalg.norm(e)
             if limit == before == 0.0:
                 continue
             potential += potential_of(size, k, limit) if limit > 0.0 else 0.0
@@ -287,4 +292,4 @@ def test_friction_is_the_sum_over_the_pairs(cotton, direction):
             np.testing.assert_allclose(row["held"], e, atol=1e-9 * np.linalg.norm(e))
             np.testing.assert_allclose(row["facing"], normal, atol=1e-12)
         remembered = after
-    assert len(remembered) > 50
+    assert len(remembered) > 30

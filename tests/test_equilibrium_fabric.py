@@ -68,7 +68,7 @@ def test_every_state_is_what_it_says(cotton, course):
     step = 15
     lattice = [[course.wale_spacing[step], 0, 0], [0, course.course_spacing[step], 0]]
     nearest = smallest_distance(course.centreline[step], np.array(lattice), 0.2793e-3)
-    assert nearest.distance / 0.2793e-3 == pytest.approx(course.min_distance[step], abs=5e-3)
+    assert nearest.distance / 0.2793e-3 == pytest.approx(course.min_distance[step], abs=1e-2)
     length = np.linalg.norm(np.diff(course.centreline[step], axis=0), axis=1).sum()
     assert length == pytest.approx(5.56e-3 * (1 + course.yarn_strain[step]), rel=3e-3)
     assert course.yarn_tension[-1] == pytest.approx(
@@ -130,8 +130,8 @@ def test_refinement_converges_and_the_estimate_bounds_the_error():
     strains = [0.3, 0.6, 0.9, 1.2]
     fabric = Fabric(**COTTON)
     curves = [
-        tensile(relax(fabric, Resolution(n, 8 * n)), "course", strains, estimate_error=n < 80)
-        for n in (32, 40, 80, 160)
+        tensile(relax(fabric, Resolution(n, 8 * n)), "course", strains, estimate_error=n < 96)
+        for n in (40, 48, 96, 192)
     ]
     exact = curves[-1].force_per_loop
     errors = [np.abs(c.force_per_loop / exact - 1.0).max() for c in curves[:-1]]
@@ -193,7 +193,7 @@ def test_contacts_that_hardly_give_way_are_coulombs(rubbing):
     for relaxed in (rubbing, relax(Fabric(**COTTON, friction=0.2, tangential_ratio=30.0))):
         curve = tensile(relaxed, "course", np.linspace(0.05, 0.6, 12), recovery=True)
         lost.append(curve.dissipated[-1] / curve.work.max())
-        assert curve.strain[-1] == pytest.approx(0.0976, abs=2e-4)
+        assert curve.strain[-1] == pytest.approx(0.0976, abs=5e-4)
     assert lost[1] == pytest.approx(0.5404, abs=4e-3)
     # What a spring holds is not lost.
     assert 0.95 * lost[1] < lost[0] < lost[1]
@@ -307,7 +307,7 @@ def test_impossible_inputs_are_refused(cotton):
         (lambda: Resolution(20), "points"),
         (lambda: Resolution(42), "points"),
         (lambda: Resolution(40, cell="half"), "cell"),
-        (lambda: relax(Fabric(**COTTON), Resolution(40, 80)), "contacts"),
+        (lambda: relax(Fabric(**COTTON), Resolution(40, 32)), "contacts"),
         (lambda: tensile(cotton, "thickness", [0.1]), "direction"),
         (lambda: tensile(cotton, "course", [0.2, 0.1]), "strains"),
         (lambda: tensile(cotton, "course", [0.1, np.nan]), "strains"),

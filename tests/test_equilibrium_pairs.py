@@ -14,6 +14,7 @@ from knitsim.equilibrium.kernels.pairs import (
     find_pairs,
     flat_distance,
     pairs_at,
+    place_frames,
     place_points,
 )
 from knitsim.equilibrium.kernels.records import Bend
@@ -41,28 +42,45 @@ def model_and_state(cotton, kind):
 
 
 def touching(scene, y, work):
-    """All pairs (i, k, g) with i <= k that are closer than the diameter in space, brute force."""
+    """All pairs (i, k, g) with i <= k whose cells touch in space, brute force.
+
+    Somewhere in a cell the squared distance, expanded by the numbers of the two points, is below d^2.
+    """
     lattice = expand(scene.map, y, work.x)
-    place_points(scene.touch, work.x, work.points)
-    touch, points, found = scene.touch, work.points, set()
+    place_frames(scene.touch, work.x, work.points)
+    touch, found = scene.touch, set()
+    own = work.points.reshape(-1, 3, 3)  # place and derivatives
     bent = scene.bend.direction if scene.bend else 0
     kappa = lattice[4] / lattice[3 * bent] if scene.bend else 0.0
-    for g, image in enumerate(touch.images):
-        other = points * image.sign
-        other[:, :2] += image.steps @ lattice[:4].reshape(2, 2)
-        d = points[:, None] - other
+    small = 0.05
+
+    def square(p, o):
+        d = p[:, None] - o
         arc, axis = d[..., bent], d[..., 1 - bent]
-        if kappa:
-            r, q = 1.0 / kappa + points[:, None, 2], 1.0 / kappa + other[None, :, 2]
-            across = r**2 + q**2 - 2.0 * r * q * np.cos(kappa * arc)
-        else:
-            across = arc**2 + d[..., 2] ** 2
-        near = (across + axis**2 < D**2) & (np.abs(kappa * arc) < np.pi)
-        along = np.abs(
+        if not kappa:
+            return (d**2).sum(-1)
+        r, q = 1.0 / kappa + p[:, None, 2], 1.0 / kappa + o[None, :, 2]
+        return r**2 + q**2 - 2.0 * r * q * np.cos(kappa * arc) + axis**2
+
+    def along(points, s):
+        return points[:, 0] + s * points[:, 1] + 0.5 * s**2 * points[:, 2]
+
+    for g, image in enumerate(touch.images):
+        other = own * image.sign
+        other[:, 0, :2] += image.steps @ lattice[:4].reshape(2, 2)
+        p, o = own[:, 0], other[:, 0]
+        here, least = square(p, o), 0.0
+        first = [square(along(own, s), o) for s in (small, -small)]
+        second = [square(p, along(other, s)) for s in (small, -small)]
+        for up, down in (first, second):
+            least += (up - 2.0 * here + down) / small**2 / 24.0 - np.abs(up - down) / (4.0 * small)
+        arc = (p[:, None] - o)[..., bent]
+        near = (here + least < D**2) & (np.abs(kappa * arc) < np.pi)
+        apart = np.abs(
             touch.points.arc[:, None] - image.arc_sign * touch.points.arc - image.arc_shift
         )
         alike = touch.points.yarn[:, None] == image.turn * touch.points.yarn + image.up
-        near &= ~(alike & (along < touch.exclude))
+        near &= ~(alike & (apart < touch.exclude))
         found |= {(i, k, g) for i, k in np.argwhere(near).tolist() if i <= k}
     return found
 

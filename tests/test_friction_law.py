@@ -10,6 +10,7 @@ from knitsim.equilibrium.kernels.friction import (
     MEMORY,
     RUB,
     across,
+    ask,
     begin,
     end,
     precedes,
@@ -38,7 +39,8 @@ def follow(rub, memory, apart, places, limits, stiffness, record):
         before = (apart[j - 1, 0], apart[j - 1, 1], apart[j - 1, 2])
         after = (apart[j, 0], apart[j, 1], apart[j, 2])
         begin(rub, before, here, limits[j - 1], stiffness)
-        turn(rub, after, there, limits[j])
+        ask(rub, limits[j])
+        turn(rub, after, there, 1.0)
         u, size = across(there, rub.anchor, rub.normal)
         over = min(stiffness, limits[j] / size) if size > 0.0 else 0.0
         for axis in range(3):

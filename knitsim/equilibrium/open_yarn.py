@@ -33,7 +33,7 @@ from knitsim.equilibrium.kernels.follow import (
 )
 from knitsim.equilibrium.kernels.friction import MEMORY, Memory, Rub
 from knitsim.equilibrium.kernels.newton import CONVERGED, Control, minimise
-from knitsim.equilibrium.kernels.pairs import expand, pairs_at, place_frames, place_points
+from knitsim.equilibrium.kernels.pairs import expand, pairs_at, place_frames, place_points, touching
 from knitsim.equilibrium.kernels.records import LATTICE, Scene
 from knitsim.equilibrium.open_scene import assemble, loads_of, out_of_plane, turned
 from knitsim.equilibrium.relax import REASONS
@@ -206,12 +206,13 @@ class OpenState:
         place_frames(touch, self.x, points)
         total = np.zeros(3)
         mine, theirs = (np.flatnonzero(touch.points.yarn == k) for k in (yarn, other))
-        for i in mine:
-            for k in theirs:
-                steps = steps_at(touch, points, (i, k, 0))
-                d = tuple((points[i] - points[k])[:3])
-                mean = flat_mean(d, steps, self.scene.law)
-                total -= flat_push(d, steps, mean, length[i] * length[k])
+        apart = np.linalg.norm(points[mine, None, :3] - points[None, theirs, :3], axis=2)
+        for i, k in np.argwhere(apart < touching(self.scene)):
+            i, k = int(mine[i]), int(theirs[k])
+            steps = steps_at(touch, points, (i, k, 0))
+            d = tuple((points[i] - points[k])[:3])
+            mean = flat_mean(d, steps, self.scene.law)
+            total -= flat_push(d, steps, mean, length[i] * length[k])
         return total
 
     def cylinder_force(self, cylinder=0):

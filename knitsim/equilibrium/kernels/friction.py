@@ -30,14 +30,17 @@ from knitsim.equilibrium.kernels.contact import add_pushes, separation
 from knitsim.equilibrium.kernels.pairs import CHUNK
 from knitsim.jit import njit
 
+WHOLE, LEAST_SHARE, MOST_SHARE = 5, 0.2, 3.0  # passes; shares: see share_of
+
 # One place that rubs over a load step.  pair: i, k, g; start: d at the start (m); held: e0, facing: the
 # normal there; normal: lagged unit normal, anchor: d0 - R e0; limit: lagged mu N (N), before: at the
-# start; stiffness: k (N/m).
+# start; stiffness: k (N/m).  asked, shift: of the last pass, mu N found, and by how much it was more than
+# the limit (N).
 RUB = np.dtype(
     [
         ("pair", "i8", 3),
         *((name, "f8", 3) for name in ("start", "held", "facing", "normal", "anchor")),
-        *((name, "f8") for name in ("limit", "before", "stiffness")),
+        *((name, "f8") for name in ("limit", "before", "stiffness", "asked", "shift")),
     ],
     align=True,
 )
@@ -75,12 +78,13 @@ class Slip(NamedTuple):
 
     pairs (n,): a RUB for each listed pair; wraps (cylinders, points): one for every contact point on
     every rigid cylinder, its pair unused; lags: LAG of :mod:`.lag` for each Gauss point of the yarn, or
-    none.
+    none; share (2,): see :func:`share_of`, and the number of passes.
     """
 
     pairs: np.ndarray
     wraps: np.ndarray
     lags: np.ndarray
+    share: np.ndarray
 
 
 @njit
@@ -123,34 +127,76 @@ def slip_matrix(f, bend, n, u):
 
 
 @njit
-def turn(rub, d, place, limit):
-    """Give a RUB the normal along d, the limit (N) that goes with it, and its anchor.
+def ask(rub, limit):
+    """Note the limit (N) that a pass has found; how the change from pass to pass goes with the last (N2)."""
+    shift = limit - rub.limit
+    turned = shift - rub.shift
+    along = rub.shift * turned
+    rub.asked, rub.shift = limit, shift
+    return along, turned * turned
 
-    place: what moves against it, d itself for two yarns.  Returns how much its force changes by the
-    new limit (N), and the force itself.
+
+@njit
+def share_of(share, along, square):
+    """Which part of what a pass asks for the limits take on; counts the pass.
+
+    Where passes go to and fro, or hardly settle, whole changes do not get there: after a few, Aitken's
+    rule by all limits together.  share (2,): of the pass before, passes; along, square: sums of ``ask``.
     """
+    share[1] += 1.0
+    if share[1] > WHOLE and square > 0.0:
+        share[0] = min(max(-share[0] * along / square, LEAST_SHARE), MOST_SHARE)
+    return share[0]
+
+
+@njit
+def turn(rub, d, place, share):
+    """Give a RUB the normal along d, a share of the limit that was asked for, and its anchor.
+
+    place: what moves against it, d itself for two yarns.  Returns how much its force would change by the
+    whole of what was asked for (N), and the force itself.
+    """
+    before, size = across(place, rub.anchor, rub.normal)
+    over = min(rub.stiffness, rub.limit / size) if size > 0.0 else 0.0
     distance = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    old = (rub.normal[0], rub.normal[1], rub.normal[2])
+    n = (d[0] / distance, d[1] / distance, d[2] / distance)
+    face(rub, n)
+    after, size = across(place, rub.anchor, rub.normal)
+    now = min(rub.stiffness, rub.asked / size) if size > 0.0 else 0.0
+    change = 0.0
+    for axis in range(3):
+        change += (now * after[axis] - over * before[axis]) ** 2
+    if share < 1.0:
+        a = (1.0 - share) * old[0] + share * n[0]
+        b = (1.0 - share) * old[1] + share * n[1]
+        c = (1.0 - share) * old[2] + share * n[2]
+        long = math.sqrt(a * a + b * b + c * c)
+        face(rub, (a / long, b / long, c / long))
+    rub.limit = max(rub.limit + share * (rub.asked - rub.limit), 0.0)
+    return math.sqrt(change), now * size
+
+
+@njit
+def face(rub, n):
+    """Give a RUB the unit normal n and the anchor that goes with it."""
     shared, leant = 1.0, 0.0
     for axis in range(3):
-        rub.normal[axis] = d[axis] / distance
-        shared += rub.normal[axis] * rub.facing[axis]
-        leant += rub.normal[axis] * rub.held[axis]
+        rub.normal[axis] = n[axis]
+        shared += n[axis] * rub.facing[axis]
+        leant += n[axis] * rub.held[axis]
     for axis in range(3):
-        turned = rub.held[axis] - leant / shared * (rub.facing[axis] + rub.normal[axis])
+        turned = rub.held[axis] - leant / shared * (rub.facing[axis] + n[axis])
         rub.anchor[axis] = rub.start[axis] - turned
-    _, size = across(place, rub.anchor, rub.normal)
-    now, then = min(rub.stiffness * size, limit), min(rub.stiffness * size, rub.limit)
-    rub.limit = limit
-    return abs(now - then), now
 
 
 @njit
 def begin(rub, d, place, limit, stiffness):
     """Start a step of a RUB that holds what it remembers of the last one."""
-    rub.stiffness, rub.before = stiffness, limit
+    rub.stiffness, rub.before, rub.asked = stiffness, limit, limit
     for axis in range(3):
         rub.start[axis] = place[axis]
-    turn(rub, d, place, limit)
+    turn(rub, d, place, 1.0)
 
 
 @njit

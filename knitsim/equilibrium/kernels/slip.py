@@ -25,9 +25,11 @@ from knitsim.equilibrium.kernels.friction import (
     Slip,
     across,
     add_flat_friction,
+    ask,
     begin,
     end,
     recall,
+    share_of,
     slip_matrix,
     spring_at,
     turn,
@@ -87,9 +89,9 @@ def _no_wraps(scene, slip, rub, work, first):
 
 
 @njit
-def _lag_wraps(scene, slip, rub, work, first):
-    """Normals and limits on the cylinders; first: at the start of the step."""
-    changed = whole = 0.0
+def _ask_wraps(scene, slip, rub, work, first):
+    """Limits on the cylinders as found; first: at the start of the step."""
+    along = moved = 0.0
     cylinders, points = scene.fixtures.cylinders, work.points
     for c in range(cylinders.size):
         for i in range(points.shape[0]):
@@ -102,9 +104,24 @@ def _lag_wraps(scene, slip, rub, work, first):
             if first:
                 begin(wrap, d, place, limit, cylinders[c].shell * length)
             else:
-                change, force = turn(wrap, d, place, limit)
-                changed += change
-                whole += force
+                a, b = ask(wrap, limit)
+                along += a
+                moved += b
+    return along, moved
+
+
+@njit
+def _turn_wraps(scene, slip, rub, work, first):
+    """Normals and limits on the cylinders; what that changes of the friction forces, and these (N)."""
+    changed = whole = 0.0
+    cylinders, points = scene.fixtures.cylinders, work.points
+    for c in range(cylinders.size):
+        for i in range(points.shape[0]):
+            place = (points[i, 0], points[i, 1], points[i, 2])
+            d = from_axis(cylinders, c, points, i)
+            change, force = turn(slip.wraps[c, i], d, place, slip.share[0])
+            changed += change
+            whole += force
     return changed, whole
 
 
@@ -153,7 +170,8 @@ def _no_add(scene, slip, order, work):
     return 0.0
 
 
-lag_wraps = choose("scene.fixtures", _lag_wraps, _no_wraps)
+ask_wraps = choose("scene.fixtures", _ask_wraps, _no_wraps)
+turn_wraps = choose("scene.fixtures", _turn_wraps, _no_wraps)
 add_wraps = choose("scene.fixtures", _add_wraps, _no_add)
 end_wraps = choose("scene.fixtures", _end_wraps, _no_end)
 
@@ -194,8 +212,9 @@ def begin_slip(scene, y, listed, rub, memory, work):
             for axis in range(3):
                 wraps[c, i].held[axis] = memory.wraps[c, i].held[axis]
                 wraps[c, i].facing[axis] = memory.wraps[c, i].facing[axis]
-    slip = Slip(rubs, wraps, begin_lagging(scene, lattice, rub.couple, memory.lags, work))
-    lag_wraps(scene, slip, rub, work, True)
+    lags = begin_lagging(scene, lattice, rub.couple, memory.lags, work)
+    slip = Slip(rubs, wraps, lags, np.array([1.0, 0.0]))
+    ask_wraps(scene, slip, rub, work, True)
     return slip
 
 
@@ -204,19 +223,24 @@ def lag_slip(scene, y, slip, rub, work):
     """Take normals and limits anew at y; returns how much of the friction force that changes (1)."""
     lattice = expand(scene.map, y, work.x)
     place_frames(scene.touch, work.x, work.points)
-    changed = whole = 0.0
+    along, moved = ask_wraps(scene, slip, rub, work, False)
     for j in range(slip.pairs.size):
         place = slip.pairs[j]
         pair = (place.pair[0], place.pair[1], place.pair[2])
-        d = vector_of(scene, lattice, pair, work)
         weight = place.stiffness / rub.shell
-        limit = press_of(scene, lattice, pair, work) * weight * rub.friction
-        if limit == 0.0 and place.limit == 0.0:
+        a, b = ask(place, press_of(scene, lattice, pair, work) * weight * rub.friction)
+        along, moved = along + a, moved + b
+    share = share_of(slip.share, along, moved)
+    changed = whole = 0.0
+    for j in range(slip.pairs.size):
+        place = slip.pairs[j]
+        if place.asked == 0.0 and place.limit == 0.0:
             continue
-        change, force = turn(place, d, d, limit)
+        d = vector_of(scene, lattice, (place.pair[0], place.pair[1], place.pair[2]), work)
+        change, force = turn(place, d, d, share)
         changed += change
         whole += force
-    change, force = lag_wraps(scene, slip, rub, work, False)
+    change, force = turn_wraps(scene, slip, rub, work, False)
     changed, whole = changed + change, whole + force
     return changed / whole if whole > 0.0 else 0.0
 
