@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from knitsim.stages.judged import relaxed_of
 
 from knitsim.equilibrium import bend as bending
 from knitsim.equilibrium import cell as cells
@@ -28,7 +29,6 @@ from knitsim.equilibrium.kernels.records import COUPLE, CYLINDER, Bend, Scene, r
 from knitsim.equilibrium.model import rounded_law
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
-from knitsim.stages.judged import relaxed_of
 from knitsim.stages.kes_table import EDGES, rolls_to
 from knitsim.verification import stress_bending
 from knitsim.yarn.law import paper_k3

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from knitsim.stages.judged import relaxed_of
+from knitsim.verification.campaign import draw
 
 from knitsim.equilibrium import accuracy
 from knitsim.equilibrium.contact import BarrierContact
@@ -11,9 +13,7 @@ from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.kernels.follow import set_free, work_of_increment
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.stages.judged import relaxed_of
 from knitsim.verification import stress
-from knitsim.verification.campaign import draw
 from knitsim.verification.judge import integral
 from knitsim.yarn.law import TensionLaw
 

@@ -249,7 +249,7 @@ class Energy:
                 on_cell[0, axis] += ((self.weight * slope) @ turns).sum()
         turned = sum(self._yarn_energies(self._local(shape), shape.curvature + 1j * _STEP))
         by_curvature += (self.weight * turned.imag / _STEP).sum()
-        return on_control, self._per_loop(on_cell), by_curvature / self.loops
+        return self._told((on_control, on_cell, by_curvature))
 
     def _pulled(self, shape, pull):
         """Derivatives by control points, cell (2, 2) and curvature, from those by the gaps (pairs, 3)."""
@@ -290,59 +290,78 @@ class Energy:
         normal /= size_of(normal)[:, None]
         return now - then - ((now - then) * normal).sum(1)[:, None] * normal
 
-    def friction(self, shape, before=None, earlier=None, least=0.0):
+    def friction(self, shape, before=None, earlier=None, least=(0.0, 0.0)):
         """What Coulomb's law does to what :meth:`gradient` gives, as far as slips tell, and the most
         that it may do besides: two triples in the same order and units.
 
-        A pair that slipped by ``least`` (m) or more since the shape ``before`` rubs against its slip.  Its
+        A pair that slipped since the shape ``before`` by least[0] (m) or more rubs against its slip.  Its
         direction may have turned on the way, as from the step from ``earlier`` to before; friction does
-        the most work there is, so that an error of the direction counts by its square.  Any other pair
-        rubs in some direction; so does, with its couple, the curvature of the yarn.  Without before no
-        slip is known.
+        the most work there is, so that an error of the direction counts by its square.  A place whose
+        curvature went on by least[1] (1/m) or more lags behind it.  What else rubs or lags does so in some
+        direction.  Without before no slip is known.
         """
         rub = self.given.friction * self.contact(shape)[1]
-        acting, doubt = np.zeros_like(shape.gap), np.ones_like(rub)
+        pull, unsure = np.zeros_like(shape.gap), np.ones_like(rub)
+        turn = self._turn_of(shape)
+        lag, loose = np.zeros_like(turn), np.ones(turn.shape[1:])
         if before is not None:
-            ways = [
-                self.slip(shape, before),
-                self.slip(before, earlier, (shape.i, shape.k, shape.image)),
-            ]
+            pairs = shape.i, shape.k, shape.image
+            ways = self.slip(shape, before, pairs), self.slip(before, earlier, pairs)
             sizes = [size_of(way) for way in ways]
             last, first = (
                 w / np.where(s > 0.0, s, 1.0)[:, None] for w, s in zip(ways, sizes, strict=True)
             )
-            slips = (sizes[0] >= least) & (sizes[0] > 0.0)
-            acting = np.where(slips[:, None], rub[:, None] * last, 0.0)
-            doubt = np.where(slips, np.minimum(((last - first) ** 2).sum(1), 1.0), 1.0)
-        on_control, on_cell, by_curvature = self._pulled(shape, acting)
-        acting = on_control, self._per_loop(on_cell), by_curvature / self.loops
-        return acting, self._most(shape, rub * doubt)
+            slips = (sizes[0] >= least[0]) & (sizes[0] > 0.0)
+            pull = np.where(slips[:, None], rub[:, None] * last, 0.0)
+            unsure = np.where(slips, np.minimum(((last - first) ** 2).sum(1), 1.0), 1.0)
+            was = self._turn_of(before)
+            along = was / size_of(was.T).T
+            steps = (along * (turn - was)).sum(0), (along * (was - self._turn_of(earlier))).sum(0)
+            turns = (np.abs(steps[0]) >= least[1]) & (steps[0] * steps[1] > 0.0)
+            lag, loose = np.where(turns, np.sign(steps[0]), 0.0) * along, 1.0 - turns
+        acting = self._pulled(shape, pull)
+        most = self._rubbed_most(shape, rub * unsure)
+        if self.given.bending_hysteresis > 0.0:
+            acting = self._lagging(shape, lambda slope: (lag * slope).sum(0), acting)
+            most = self._lagging(shape, lambda slope: loose * size_of(slope.T).T, most, np.abs)
+        return self._told(acting), self._told(most)
 
-    def _most(self, shape, rub):
-        """What rubbing with these forces (pairs,), and lagging couples, may do, all in the same sense."""
+    def _told(self, derivatives):
+        """By control points, cell and curvature: the latter two of one loop."""
+        on_control, on_cell, by_curvature = derivatives
+        return on_control, self._per_loop(on_cell), by_curvature / self.loops
+
+    def _rubbed_most(self, shape, rub):
+        """As :meth:`_pulled`, of pairs that rub with these forces (pairs,), all in the same sense."""
         normal, by = shape.gap / shape.distance[:, None], self._by_gap(shape)
         across = np.sqrt(np.maximum((by**2).sum(-1) - (by * normal).sum(-1) ** 2, 0.0)) * rub
         on_i = self._by_axis(across[0], across[1], across[2])
         at = self._gathered(shape, on_i, self._by_axis(across[0], across[1], across[3]))
-        on_control = np.abs(self.place).T @ at
         # What the cell moves is the gap: each turn of k's image, less that of i along the yarn.
         turns = np.tile(self.turns, self.given.courses)
         steps = np.abs(shape.image - np.outer(turns[shape.i] - turns[shape.k], [1, 0]))
-        on_cell, by_curvature = steps.T @ on_i[:, :2], across[4].sum()
-        if self.given.bending_hysteresis > 0.0:
-            couple = self.given.bending_hysteresis * self.weight
+        return np.abs(self.place).T @ at, steps.T @ on_i[:, :2], across[4].sum()
 
-            def turn(local, curvature=shape.curvature):
-                return self._turn(*self._motion(local, curvature))
+    def _turn_of(self, shape, local=None, more=0.0):
+        """The yarn's turning (3, yarns, m), 1/m; more: added to the curvature of the fabric."""
+        local = self._local(shape) if local is None else local
+        return self._turn(*self._motion(local, shape.curvature + more))
 
-            for (matrix, ends), axis, slope in self._by_local(shape, turn):
-                lag = couple * size_of(slope.T).T
-                on_control[..., axis] += lag @ np.abs(matrix)
-                if axis < 2:
-                    on_cell[0, axis] += (lag @ np.abs(ends)).sum()
-            slope = turn(self._local(shape), shape.curvature + 1j * _STEP).imag / _STEP
-            by_curvature += (couple * size_of(slope.T).T).sum()
-        return on_control, self._per_loop(on_cell), by_curvature / self.loops
+    def _lagging(self, shape, weigh, derivatives, size=np.asarray):
+        """Derivatives with those of the lagging couples added.
+
+        weigh: from slopes of the turning (3, yarns, m) to those of the couples' work over the couple.
+        """
+        on_control, on_cell, by_curvature = derivatives
+        couple = self.given.bending_hysteresis * self.weight
+        for (matrix, turns), axis, slope in self._by_local(
+            shape, lambda x: self._turn_of(shape, x)
+        ):
+            on_control[..., axis] += (couple * weigh(slope)) @ size(matrix)
+            if axis < 2:
+                on_cell[0, axis] += ((couple * weigh(slope)) @ size(turns)).sum()
+        slope = self._turn_of(shape, more=1j * _STEP).imag / _STEP
+        return on_control, on_cell, by_curvature + (couple * weigh(slope)).sum()
 
     def rubbed(self, before, after):
         """Most energy that friction can take (J per loop) between two shapes that lie close together.
@@ -359,9 +378,7 @@ class Energy:
             forces = forces + self.given.contact.at(near, self.given.diameter)[1] * self.length**2
         taken = 0.5 * self.given.friction * (forces @ size_of(self.slip(after, before, pairs)))
         if self.given.bending_hysteresis > 0.0:
-            was, now = (
-                self._turn(*self._motion(self._local(s), s.curvature)) for s in (before, after)
-            )
+            was, now = self._turn_of(before), self._turn_of(after)
             change = np.abs((was * (now - was)).sum(0)) / size_of(was.T).T
             taken += self.given.bending_hysteresis * (self.weight * change).sum()
         return float(taken) / self.loops

@@ -22,7 +22,7 @@ from knitsim.verification.judge.loads import FINE
 from knitsim.verification.judge.verdict import judge
 from knitsim.verification.trials.law import NO_INPUT, Asked, Case
 from knitsim.verification.trials.rule import impossible
-from knitsim.verification.trials.told import given_of, relaxed_of, states_of, test_of
+from knitsim.verification.trials.told import given_of, relaxed_of, states_of, wanted_of
 
 VERIFIED, STOPPED, REFUSED, WRONG = OUTCOMES = ("verified", "stopped", "refused", "wrong")
 # Checks that a fabric fails too that snaps from one shape to another.
@@ -120,7 +120,7 @@ def _text(value):
 
 def _found(case, relaxed, asked, error, clock):
     """Results of one test, by some of _FOUND."""
-    curve, outcome, reason = clock.time("testing", guarded, tested, asked, relaxed, error)
+    curve, outcome, reason = clock.time("testing", guarded, solved, asked, relaxed, error)
     if curve is None:
         return {"outcome": outcome, "reason": reason}
     found = {"outcome": STOPPED if curve.stop_reason else VERIFIED, "reason": curve.stop_reason}
@@ -138,7 +138,7 @@ def _found(case, relaxed, asked, error, clock):
         found["estimated_error"] = float(np.max(curve.numerical_error))
     states = states_of(asked, relaxed, curve)
     given = clock.time("judging", given_of, case, relaxed, bends)
-    wrong = clock.time("judging", judge, given, states, test_of(asked, relaxed, curve))
+    wrong = clock.time("judging", judge, given, states, wanted_of(asked, relaxed, curve))
     if wrong and all(f.check in SNAPPING for f in wrong) and _snaps(asked, relaxed, states, given):
         found["snaps"], wrong = "yes", []
     wrong = [str(finding) for finding in wrong]
@@ -155,7 +155,7 @@ def _load(asked, curve):
     return curve.moment_per_width if asked.kind == "bending" else curve.force_per_loop
 
 
-def tested(asked, relaxed, error=False, finer=1):
+def solved(asked, relaxed, error=False, finer=1):
     """Curve or BendingCurve of the test asked; error: with its estimate; finer: divides the steps."""
     if asked.kind == "bending":
         fabric = relaxed.model.fabric
@@ -183,7 +183,7 @@ def _snaps(asked, relaxed, states, given):
     Then work goes astray in the same amount however small the steps are (without friction it is what
     the solver says was lost); an error of the steps falls.
     """
-    curve, _, _ = guarded(tested, asked, relaxed, finer=4)
+    curve, _, _ = guarded(solved, asked, relaxed, finer=4)
     finer = None if curve is None else states_of(asked, relaxed, curve)
     if finer is None or len(finer.work) != len(states.work):
         return False
@@ -203,7 +203,7 @@ def _refined(case, relaxed, asked, curve):
     """
     fine = relaxed.model.resolution.refined(relaxed.model.fabric)
     finer, _, _ = guarded(
-        lambda: tested(
+        lambda: solved(
             asked, relaxed_of(replace(case, points=fine.points, contacts=fine.contacts)), finer=2
         )
     )

@@ -115,7 +115,7 @@ def _loaded(asked):
     return not isinstance(asked.lateral, str) or asked.tension != 0.0
 
 
-def test_of(asked, relaxed, curve):
+def wanted_of(asked, relaxed, curve):
     """The judge's Test."""
     lattice, lateral = relaxed.y[relaxed.model.lattice :], asked.lateral
     dead, held, rest, first = np.zeros(4), {1, 2}, None, 1
