@@ -21,7 +21,7 @@ from knitsim.verification.judge.given import Core
 from knitsim.verification.judge.loads import FINE
 from knitsim.verification.judge.verdict import judge
 from knitsim.verification.trials.law import NO_INPUT, Asked, Case
-from knitsim.verification.trials.rule import impossible
+from knitsim.verification.trials.rule import compression_of, impossible
 from knitsim.verification.trials.told import given_of, relaxed_of, states_of, wanted_of
 
 VERIFIED, STOPPED, REFUSED, WRONG = OUTCOMES = ("verified", "stopped", "refused", "wrong")
@@ -35,7 +35,7 @@ LOST_ALIKE = (
 )
 
 _CASE = [f.name for f in fields(Case) if f.name not in ("tests", "contact", "number")]
-_CONTACT = ("contact_stiffness", "core", "exponent")
+_CONTACT = ("contact_stiffness", "core", "exponent", "compression")
 _ASKED = [f.name for f in fields(Asked) if f.name != "path"]
 _FOUND = (
     "outcome", "reason", "states", "reached", "load", "first_load", "residual", "min_distance",
@@ -91,15 +91,7 @@ def guarded(call, *args, **more):
 
 def rows_of(case, errors, clock):
     """Rows (by COLUMNS, without the seed), one for each test of a case."""
-    reasons = impossible(case)
-    row = {name: _text(getattr(case, name)) for name in _CASE}
-    law = case.contact
-    row |= {
-        "number": case.number, "kinds": "; ".join(case.kinds),
-        "contact_stiffness": law.stiffness, "core": law.core or "",
-        "exponent": law.exponent if isinstance(law, Core) else "",
-        "possible": "no" if reasons else "yes", "impossible_because": "; ".join(reasons),
-    } | dict.fromkeys(_FOUND, "")  # fmt: skip
+    row = inputs_of(case) | dict.fromkeys(_FOUND, "")
     relaxed, outcome, reason = clock.time("relaxing", guarded, relaxed_of, case)
     if relaxed is not None and case.family == NO_INPUT:
         relaxed, outcome, reason = None, WRONG, "an input that no fabric has was taken"
@@ -112,6 +104,19 @@ def rows_of(case, errors, clock):
         own |= {"test": asked.name, "largest": float(np.abs(asked.path).max())}
         rows.append(row | own | found)
     return rows
+
+
+def inputs_of(case):
+    """What is written of a case in each of its rows."""
+    law, reasons = case.contact, impossible(case)
+    row = {name: _text(getattr(case, name)) for name in _CASE}
+    return row | {
+        "number": case.number, "kinds": "; ".join(case.kinds),
+        "contact_stiffness": law.stiffness, "core": law.core or "",
+        "exponent": law.exponent if isinstance(law, Core) else "",
+        "compression": compression_of(case),
+        "possible": "no" if reasons else "yes", "impossible_because": "; ".join(reasons),
+    }  # fmt: skip
 
 
 def _text(value):

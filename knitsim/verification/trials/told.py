@@ -116,7 +116,9 @@ def _loaded(asked):
 
 
 def wanted_of(asked, relaxed, curve):
-    """The judge's Test."""
+    """The judge's Test; at rest where nothing is asked."""
+    if asked is None:
+        return Test()
     lattice, lateral = relaxed.y[relaxed.model.lattice :], asked.lateral
     dead, held, rest, first = np.zeros(4), {1, 2}, None, 1
     if asked.kind == "bending":
