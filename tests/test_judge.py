@@ -291,17 +291,16 @@ def test_a_parabola_is_integrated_exactly():
     # There and back it is the same, but for a sharp bend where the way turns.
     loads = ways_of(np.append(x, x[-2::-1]), np.append(3 * x**2, 3 * x[-2::-1] ** 2))
     assert loads.driving.sum() == pytest.approx(0.0, abs=1e-12)
-    assert loads.sharp.tolist() == [True, *[False] * 4, True, *[False] * 3, True]
+    assert loads.sharp.tolist() == [True, *[False] * 4, True, *[False] * 4]
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("rate", [-6.0, 6.0])
-def test_bend_of_a_load_between_states_far_apart(sign, rate):
-    """The chord of an exponential misses no more than is read from the interval before."""
-    along = sign * np.array([0.0, 0.1, 1.0, 1.01])
-    load = np.exp(rate * sign * along)
-    loads = ways_of(along, load)
-    exact = sign * (load[2] - load[1]) / rate
-    off = abs(loads.driving[1] - exact)
-    assert BEND * loads.change[1] < off < loads.doubt[1] < 0.5 * loads.change[1]
-    assert not loads.close[1] and loads.close[2]
+def test_bend_of_a_load_between_states_far_apart():
+    """Coming out of a short step the load may bend as one that grows or falls can at most."""
+    for rate in (-6.0, 6.0):
+        along = np.array([0.0, 0.1, 1.0, 1.01, 1.02])
+        loads = ways_of(along, np.exp(rate * along))
+        off = np.abs(loads.driving - np.diff(np.exp(rate * along)) / rate)
+        assert loads.sharp.tolist() == [True, True, False, False]
+        assert loads.close.tolist() == [False, False, True, True]
+        assert BEND * loads.change[1] < off[1] < loads.doubt[1]
+        assert (off[2:] < loads.doubt[2:]).all()

@@ -593,7 +593,7 @@ def test_bad_arguments_are_refused_in_one_line(tmp_path):
         "knitsim: nowhere/scenes.yaml: no such file; a study has yarns, fabrics, scenes"
     )
     assert refusal(project, config=["fabric=small"]) == (
-        "knitsim: --config fabric = small: must be study=DIR or results=DIR"
+        "knitsim: --config fabric = small: must be study=DIR, results=DIR, seed=NUMBER or cases=NUMBER"
     )
 
 

@@ -363,8 +363,9 @@ class Energy:
         slope = self._turn_of(shape, more=1j * _STEP).imag / _STEP
         return on_control, on_cell, by_curvature + (couple * weigh(slope)).sum()
 
-    def rubbed(self, before, after):
-        """Most energy that friction can take (J per loop) between two shapes that lie close together.
+    def rubbed(self, before, after, least=(0.0, 0.0)):
+        """Energy (J per loop) that friction takes between two shapes that lie close together: the most
+        that it can, and the part of it where slips tell (least: see :meth:`friction`).
 
         Each pair that touches slips across its mean normal, against the coefficient times the mean of
         its two normal forces; the yarn's curvature, counted along the direction it had, changes against
@@ -376,12 +377,15 @@ class Energy:
         for s in (before, after):
             near = np.minimum(size_of(self.gaps(s, *pairs)), self.given.diameter)
             forces = forces + self.given.contact.at(near, self.given.diameter)[1] * self.length**2
-        taken = 0.5 * self.given.friction * (forces @ size_of(self.slip(after, before, pairs)))
-        if self.given.bending_hysteresis > 0.0:
-            was, now = self._turn_of(before), self._turn_of(after)
-            change = np.abs((was * (now - was)).sum(0)) / size_of(was.T).T
-            taken += self.given.bending_hysteresis * (self.weight * change).sum()
-        return float(taken) / self.loops
+        slip = size_of(self.slip(after, before, pairs))
+        was, now = self._turn_of(before), self._turn_of(after)
+        change = np.abs((was * (now - was)).sum(0)) / size_of(was.T).T
+        taken = []
+        for slips, turns in ((0.0, 0.0), least):
+            rubbed = 0.5 * self.given.friction * (forces @ np.where(slip >= slips, slip, 0.0))
+            lagged = self.weight * np.where(change >= turns, change, 0.0)
+            taken.append((rubbed + self.given.bending_hysteresis * lagged.sum()) / self.loops)
+        return np.array(taken)
 
 
 def _gap(along, other, z_i, z_k, curvature):
