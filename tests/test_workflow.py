@@ -595,6 +595,14 @@ def test_bad_arguments_are_refused_in_one_line(tmp_path):
     assert refusal(project, config=["fabric=small"]) == (
         "knitsim: --config fabric = small: must be study=DIR, results=DIR, seed=NUMBER or cases=NUMBER"
     )
+    for sample in ("cases=0", "seed=new"):
+        key, _, value = sample.partition("=")
+        assert refusal(project, config=[sample]) == (
+            f"knitsim: --config {key} = {value}: must be a whole number above 0"
+        )
+    assert "shear_campaign_part" in project.run(
+        "--dry-run", "shear_campaign", config=["seed=7", "cases=3"]
+    )
 
 
 def test_a_failed_job_says_where_and_why_and_leaves_the_others(project, finished):

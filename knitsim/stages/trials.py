@@ -4,13 +4,7 @@ import csv
 from collections import Counter
 
 from knitsim.verification.trials.law import PEIRCE
-from knitsim.verification.trials.rule import (
-    AT_REST,
-    LEAST_BULK,
-    NARROW,
-    THICK,
-    TIGHTEST,
-)
+from knitsim.verification.trials.rule import AT_REST, LEAST_BULK, NARROW, THICK, TIGHTEST
 from knitsim.verification.trials.run import COLUMNS as COLUMNS
 from knitsim.verification.trials.run import OUTCOMES, REFUSED, STOPPED, VERIFIED, WRONG, run
 from knitsim.verification.trials.table import CAMPAIGNS as CAMPAIGNS

@@ -42,17 +42,11 @@ def crossings(given, control, lattice):
     matrix, turns = design(spans, np.arange(VIEW * spans + 1) / VIEW)
     lines = matrix @ control
     lines[..., :2] += turns[:, None] * cell[0]
-    return [
-        [
-            (course, over)
-            for _, course, over in sorted(
-                crossing
-                for course in (-1, 1)
-                for crossing in _with_course(given, lines, cell, own, course)
-            )
-        ]
-        for own in range(yarns)
-    ]
+    found = []
+    for own in range(yarns):
+        pairs = [c for n in (-1, 1) for c in _with_course(given, lines, cell, own, n)]
+        found.append([(course, over) for _, course, over in sorted(pairs)])
+    return found
 
 
 def _with_course(given, lines, cell, own, course):

@@ -30,9 +30,7 @@ SNAPPING = {
     "work of the load is not stored or lost",
 }  # fmt: skip
 REFINED = 0.05  # change of the load at twice the resolution that needs not be said
-LOST_ALIKE = (
-    0.8  # part of the work astray that four times shorter steps must leave where a fabric snaps
-)
+LOST_ALIKE = 0.8  # part of the work astray that is left in steps of a quarter where a fabric snaps
 
 _CASE = [f.name for f in fields(Case) if f.name not in ("tests", "contact", "number")]
 _CONTACT = ("contact_stiffness", "core", "exponent", "compression")

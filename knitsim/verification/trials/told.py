@@ -11,8 +11,7 @@ from knitsim.verification.judge.given import Core, Given
 from knitsim.verification.judge.verdict import States, Test
 from knitsim.yarn.law import TensionLaw
 
-LOADED = {"course": 0, "wale": 3}  # entry of the lattice that is pulled
-_ACROSS = {"course": 3, "wale": 0}
+_ACROSS = {"course": 3, "wale": 0}  # entry of the lattice across the pull
 
 
 def fabric_of(case):
@@ -120,9 +119,9 @@ def wanted_of(asked, relaxed, curve):
     if asked is None:
         return Test()
     lattice, lateral = relaxed.y[relaxed.model.lattice :], asked.lateral
-    dead, held, rest, first = np.zeros(4), {1, 2}, None, 1
+    dead, held, driven = np.zeros(4), {1, 2}, (asked.direction,)
     if asked.kind == "bending":
-        driven, first = (f"{asked.direction} bending",), 0
+        driven = (asked.name,)
         held |= {0, 3} if lateral == "held" else set()
     elif asked.kind == "biaxial":
         driven = ("course", "wale")
@@ -130,23 +129,18 @@ def wanted_of(asked, relaxed, curve):
         driven, held = ("shear",), {1} | ({0} if lateral == "held" else set())
         dead[3] = asked.tension * lattice[0]
     else:
-        driven, across = (asked.direction,), _ACROSS[asked.direction]
+        across = _ACROSS[asked.direction]
         held |= {across} if lateral == "held" else set()
         if not isinstance(lateral, str):
-            dead[across] = lateral * lattice[LOADED[asked.direction]]
-    if _loaded(asked):
-        rest, first = lattice, 0
+            dead[across] = lateral * lattice[3 - across]
+    first = int(asked.kind != "bending" and not _loaded(asked))  # whether it starts at rest
     path = np.reshape(asked.path, (len(asked.path), -1))
-    wanted, unloaded = None, ()
-    if not curve.stop_reason:
-        wanted = np.concatenate(
-            [np.zeros((first if asked.kind != "bending" else 0, path.shape[1])), path]
-        )
-    if asked.cycles:
-        ends = np.flatnonzero(np.diff(curve.phase, append=0) < 0)  # last of each way back
-        unloaded = tuple((ends + first).tolist())
-        ends_early = (
-            bool(curve.stop_reason) and len(unloaded) and unloaded[-1] == curve.steps - 1 + first
-        )
-        unloaded = unloaded[:-1] if ends_early else unloaded
-    return Test(driven, tuple(sorted(held)), dead, wanted, rest, unloaded, asked.increment is None)
+    wanted = np.concatenate([np.zeros((first, path.shape[1])), path])
+    # The last state of each way back that was not stopped.
+    ends = np.flatnonzero(np.diff(curve.phase, append=0) < 0) if asked.cycles else []
+    stopped = len(curve.phase) - 1 if curve.stop_reason else -1
+    return Test(
+        driven, tuple(sorted(held)), dead, None if curve.stop_reason else wanted,
+        lattice if _loaded(asked) else None, tuple(int(i) + first for i in ends if i != stopped),
+        asked.increment is None,
+    )  # fmt: skip
