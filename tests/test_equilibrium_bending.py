@@ -8,7 +8,8 @@ import pytest
 from knitsim.equilibrium import bend as bending
 from knitsim.equilibrium import cell as cells
 from knitsim.equilibrium.bend import TIGHTEST, bend, phases_of
-from knitsim.equilibrium.fabric import BarrierContact, Fabric, Resolution
+from knitsim.equilibrium.contact import BarrierContact
+from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.kernels.follow import REACHED, new_states
 from knitsim.equilibrium.kernels.follow_bent import (
     RAN_AWAY,

@@ -4,7 +4,8 @@ import numpy as np
 
 from knitsim.equilibrium import spline
 from knitsim.equilibrium.cell import loop_of
-from knitsim.equilibrium.fabric import BarrierContact, CoreContact, Fabric, Resolution
+from knitsim.equilibrium.contact import BarrierContact, CoreContact
+from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.model import build_model
 from knitsim.equilibrium.relax import held_state, relax
 from knitsim.verification.judge.given import Core, Given
