@@ -366,7 +366,8 @@ def test_parts_are_all_the_cases(monkeypatch):
     assert [row["number"] for row in times] == [1]
     assert {row["seed"] for row in rows} == {TRIAL}
     assert rows == stage.part_of("campaign", 1, 2, TRIAL, 2)[0]
-    assert set(times[0]) == set(run.TIMES)
+    assert set(times[0]) == set(stage.TIMES) == set(run.TIMES)
+    assert set(rows[0]) == set(stage.COLUMNS)
 
 
 def test_the_workflow_has_a_rule_for_every_campaign():

@@ -7,6 +7,7 @@ from knitsim.verification.trials.law import PEIRCE
 from knitsim.verification.trials.rule import AT_REST, LEAST_BULK, NARROW, THICK, TIGHTEST
 from knitsim.verification.trials.run import COLUMNS as COLUMNS
 from knitsim.verification.trials.run import OUTCOMES, REFUSED, STOPPED, VERIFIED, WRONG, run
+from knitsim.verification.trials.run import TIMES as TIMES
 from knitsim.verification.trials.table import CAMPAIGNS as CAMPAIGNS
 from knitsim.verification.trials.worst import FAMILIES
 
