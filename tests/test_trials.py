@@ -393,8 +393,9 @@ def test_map_shows_every_case():
         rows.append({name: str(value) for name, value in row.items()})
     fig = stress_map(rows, stage.LIMITS)
     # All but inputs that no fabric has, which are only counted.
-    shown = sum(len(c.get_offsets()) for c in fig.axes[0].collections)
+    barrier, shown = (sum(len(c.get_offsets()) for c in fig.axes[k].collections) for k in (0, 1))
     assert shown == sum(r["family"] != law.NO_INPUT for r in rows) < len(rows)
+    assert barrier == shown - sum(r["core"] != "" for r in rows if r["family"] != law.NO_INPUT)
     # Tension and bending maps share the cases that are not sheared between them.
     pulled, bends = (sum(len(c.get_offsets()) for c in fig.axes[k].collections) for k in (2, 3))
     assert pulled + bends == sum(r["family"] != law.NO_INPUT and r["kind"] != "shear" for r in rows)

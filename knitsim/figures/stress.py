@@ -30,20 +30,21 @@ def stress_map(rows, limits):
     d, length = value["diameter"], value["loop_length"]
     slope = np.array([_slope(row) for row in rows])
     rigidity = 16.0 * value["bending_rigidity"] / (slope * d**2)
-    compression = value["compression"] * d / slope
+    compression = value["contact_stiffness"] * d / slope
+    barrier = np.array([not row["core"] for row in rows])
     bulk = length / d
     room = (length - 2.0 * value["course_spacing"] - value["wale_spacing"]) / d
     pulled, bends = (
         np.array([row["kind"] == kind for row in rows]) for kind in ("tension", "bending")
     )
     ax = axes[0, 0]
-    _scatter(ax, rows, compression, rigidity, np.ones(len(rows), dtype=bool))
+    _scatter(ax, rows, compression, rigidity, barrier)
     # B/(K d^3) of the narrowest contact that contact points resolve.
-    ends = np.array([compression.min(), compression.max()])
+    ends = np.array([compression[barrier].min(), compression[barrier].max()])
     ax.plot(ends, 16.0 * limits["narrow"] * ends, color=style.BLACK, linestyle="--", linewidth=0.8)
     ax.set(xscale="log", yscale="log", xlabel=r"compression $K d / k_1$ (1)")
     ax.set_ylabel(r"bending rigidity $16 B / (k_1 d^2)$ (1)")
-    letter(ax, "a  yarn: bending and compression")
+    letter(ax, "a  barrier law: bending and compression")
     ax = axes[0, 1]
     _scatter(ax, rows, bulk, room, np.ones(len(rows), dtype=bool))
     ax.axhline(limits["room"], color=style.BLACK, linestyle="--", linewidth=0.8)
@@ -75,8 +76,8 @@ def stress_map(rows, limits):
 
 
 _USED = (
-    "diameter", "loop_length", "wale_spacing", "course_spacing", "bending_rigidity", "compression",
-    "friction", "largest",
+    "diameter", "loop_length", "wale_spacing", "course_spacing", "bending_rigidity",
+    "contact_stiffness", "friction", "largest",
 )  # fmt: skip
 
 

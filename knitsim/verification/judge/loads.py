@@ -36,8 +36,8 @@ FROM = 0.25  # balances are read against this part of the whole work at least
 # those whose slip tells do slip.
 MORE, LESS = 0.02, 0.1
 # Load against the slope of the energy by finer integrals: at most this many times what the solver says
-# that it may be off by, and not less than the last.
-TIMES, LEAST_FINE = 2.0, 0.02
+# that it may be off by, and not less than these parts of it and of the largest.
+TIMES, LEAST_FINE, LEAST_OF_ALL = 2.0, 0.02, 1e-3
 CLOSE = 0.03  # of the whole way: states at most this far apart are close
 ALIKE = (
     4.0  # ratio of the intervals between three states up to which a parabola is put through them
@@ -327,8 +327,9 @@ class Loads:
             fine = Energy(given, FINE_GAUSS, int(contacts), False, self.bent)
             gain = np.diff([fine.terms(shape).sum() for shape in self._shapes(fine, ends)])[0]
             gain += s.sprung[i + 1] - s.sprung[i]
-            said = np.maximum(TIMES * s.numerical_error[ends], LEAST_FINE)
-            limit = np.mean(said * self.scale[ends]) * self.size[i] + noise[i]
+            said = np.maximum(TIMES * s.numerical_error[ends], LEAST_FINE) * self.scale[ends]
+            said = np.maximum(said, LEAST_OF_ALL * self.largest).mean()
+            limit = said * self.size[i] + noise[i]
             limit += max(self.doubt[i], BEND * self.change[i]) + BALANCE * max(
                 s.dissipated[i + 1] - s.dissipated[i], 0.0
             )

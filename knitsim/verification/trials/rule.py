@@ -46,12 +46,6 @@ def at_rest(case):
     return squeezed(case, case.bending_rigidity / case.contact.core**2)
 
 
-def compression_of(case):
-    """Stiffness K (N/m) of a barrier, or of the one that is as stiff where yarns begin to touch."""
-    law = case.contact
-    return law.stiffness if isinstance(law, Barrier) else law.stiffness * case.diameter**2 / 8.0
-
-
 def slender(case):
     """Bending rigidity over what compression can bear, B/(K d^3); a core law is soft: 1."""
     if not isinstance(case.contact, Barrier):

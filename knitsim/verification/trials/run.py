@@ -20,7 +20,7 @@ from knitsim.errors import ComputationError, InputError
 from knitsim.verification.judge.given import Core
 from knitsim.verification.judge.verdict import judge
 from knitsim.verification.trials.law import NO_INPUT, Asked, Case
-from knitsim.verification.trials.rule import compression_of, impossible
+from knitsim.verification.trials.rule import impossible
 from knitsim.verification.trials.told import given_of, relaxed_of, states_of, wanted_of
 
 VERIFIED, STOPPED, REFUSED, WRONG = OUTCOMES = ("verified", "stopped", "refused", "wrong")
@@ -33,7 +33,7 @@ REFINED = 0.05  # change of the load at twice the resolution that needs not be s
 LOST_ALIKE = 0.8  # part of the work astray that is left in steps of a quarter where a fabric snaps
 
 _CASE = [f.name for f in fields(Case) if f.name not in ("tests", "contact", "number")]
-_CONTACT = ("contact_stiffness", "core", "exponent", "compression")
+_CONTACT = ("contact_stiffness", "core", "exponent")
 _ASKED = [f.name for f in fields(Asked) if f.name != "path"]
 _FOUND = (
     "outcome", "reason", "states", "reached", "load", "first_load", "residual", "min_distance",
@@ -114,7 +114,6 @@ def inputs_of(case):
         "number": case.number, "kinds": "; ".join(case.kinds),
         "contact_stiffness": law.stiffness, "core": law.core or "",
         "exponent": law.exponent if isinstance(law, Core) else "",
-        "compression": compression_of(case),
         "possible": "no" if reasons else "yes", "impossible_because": "; ".join(reasons),
     }  # fmt: skip
 
