@@ -35,8 +35,8 @@ FROM = 0.25  # balances are read against this part of the whole work at least
 # Energy lost against that of the straight way from state to state: all pairs slipping take the most;
 # those whose slip tells do slip.
 MORE, LESS = 0.02, 0.1
-# Load against the slope of the energy by finer integrals: at most this many times what the solver says
-# that it may be off by, and not less than these parts of it and of the largest.
+# Slope of the energy against that by finer integrals, over the load: at most this many times what the
+# solver says that the load may be off by, and not less than these parts of it and of the largest.
 TIMES, LEAST_FINE, LEAST_OF_ALL = 2.0, 0.02, 1e-3
 CLOSE = 0.03  # of the whole way: states at most this far apart are close
 ALIKE = (
@@ -297,7 +297,7 @@ class Loads:
             if not given.sprung:
                 check = "friction takes less than it must"
                 yield from above(check, (1.0 - LESS) * sure - slack, taken, len(lost))
-        yield from self._finer(steady, noise)
+        yield from self._finer(noise)
 
     def _closest(self, own):
         """Whether yarns are closer than they can be, between contact points too; own: at those (m)."""
@@ -312,11 +312,11 @@ class Loads:
         if nearest.min() < apart:
             yield Finding("yarns closer than contact points can tell", worst, nearest.min(), apart)
 
-    def _finer(self, steady, noise):
-        """Loads against an energy by finer integrals, the law without rounded kinks."""
+    def _finer(self, noise):
+        """Slopes of the energy against those by finer integrals, the law without rounded kinks."""
         s, given = self.states, self.given
         told = np.isfinite(s.numerical_error)
-        chosen = np.flatnonzero(steady & told[1:] & told[:-1])
+        chosen = np.flatnonzero(self.close & told[1:] & told[:-1])
         for i in chosen[spread(len(chosen), LOOKED)] if len(chosen) else ():
             ends = [i, i + 1]
             near = min(closest(self.same, self.shapes[k]) for k in ends)
@@ -325,17 +325,12 @@ class Loads:
             if 0.0 < width < np.inf:
                 contacts = max(contacts, min(MOST_FINE, NARROW * given.loop_length / width))
             fine = Energy(given, FINE_GAUSS, int(contacts), False, self.bent)
-            gain = np.diff([fine.terms(shape).sum() for shape in self._shapes(fine, ends)])[0]
-            gain += s.sprung[i + 1] - s.sprung[i]
+            stored = [fine.terms(shape).sum() for shape in self._shapes(fine, ends)]
+            off = np.diff(stored - self.stored[ends].sum(1))[0]
             said = np.maximum(TIMES * s.numerical_error[ends], LEAST_FINE) * self.scale[ends]
-            said = np.maximum(said, LEAST_OF_ALL * self.largest).mean()
-            limit = said * self.size[i] + noise[i]
-            limit += max(self.doubt[i], BEND * self.change[i]) + BALANCE * max(
-                s.dissipated[i + 1] - s.dissipated[i], 0.0
-            )
-            off = abs(self.driving[i] - gain - (s.dissipated[i + 1] - s.dissipated[i]))
-            check = "load is not the slope of the energy, finer integrals"
-            yield from above(check, off, limit, int(i) + 1)
+            limit = np.maximum(said, LEAST_OF_ALL * self.largest).mean() * self.size[i] + noise[i]
+            check = "slope of the energy by finer integrals is another"
+            yield from above(check, abs(off), limit, int(i) + 1)
 
 
 def _worst(check, state, off, limit):
