@@ -36,7 +36,7 @@ RANGES = {
     # Diameter over core; force of a crossing pressed half way to the core, over B/core^2; exponent.
     # The acrylic has 2.28, 0.014 and 2.4.
     "swell": (1.1, 2.4, ""),
-    "shell": (3e-3, 3.0, "log"),
+    "shell": (1e-4, 3.0, "log"),
     "exponent": (1.4, 4.0, ""),
     "set": (0.05, 0.95, ""),
     # Couple by which the yarn's moment lags, over its moment at the mean curvature 2 pi/l.
