@@ -196,9 +196,9 @@ class Loads:
         acting, besides = self.same.friction(self.shapes[i], *known)
         most = self.same.friction(self.shapes[i])[1] if steady else besides
         # What lags by a pass counts for what is free; the loads told are those of the last.
-        lagged = [LAGGED * most[0].max(), LAGGED * most[1], SETTLED * most[2]]
-        lagged[1][self.test.entries] = 0.0
-        lagged[1] += SETTLED * most[1].max()
+        on_lattice = LAGGED * most[1] + SETTLED * most[1].max()
+        on_lattice[self.test.entries] = SETTLED * most[1][self.test.entries]
+        lagged = LAGGED * most[0].max(), on_lattice, SETTLED * most[2]
         return acting, [COULOMB * a + b for a, b in zip(besides, lagged, strict=True)]
 
     def _forces(self, i):
