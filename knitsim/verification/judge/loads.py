@@ -48,7 +48,7 @@ UNLOADED = 1e-3  # of the largest load: a state said to be without load is below
 SMALL = 0.01  # of the largest load: errors of smaller ones are read against it
 GAUSS, FINE_GAUSS, FINE_CONTACTS = 3, 8, 2  # points per span that the method states; finer ones
 NARROW, MOST_FINE = 1.5, 12000  # contact points over the width of the closest contact; per loop
-MEASURED, LOOKED = 12, 6  # states whose forces, and whose finer integrals are measured
+MEASURED, LOOKED = 24, 6  # states whose forces, and whose finer integrals are measured
 
 
 @dataclass(frozen=True)
