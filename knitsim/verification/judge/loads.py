@@ -48,6 +48,7 @@ UNLOADED = 1e-3  # of the largest load: a state said to be without load is below
 SMALL = 0.01  # of the largest load: errors of smaller ones are read against it
 GAUSS, FINE_GAUSS, FINE_CONTACTS = 3, 8, 2  # points per span that the method states; finer ones
 NARROW, MOST_FINE = 1.5, 12000  # contact points over the width of the closest contact; per loop
+INSIDE = "cores are inside each other"
 MEASURED, LOOKED = 24, 6  # states whose forces, and whose finer integrals are measured
 
 
@@ -148,9 +149,7 @@ class Loads:
         nearest = np.array([shape.distance.min(initial=np.inf) for shape in self.shapes])
         core = self.given.contact.core
         if core and nearest.min() <= core:
-            yield Finding(
-                "cores are inside each other", int(np.argmin(nearest)), nearest.min(), core
-            )
+            yield Finding(INSIDE, int(np.argmin(nearest)), nearest.min(), core)
             return
         yield from self._energies(nearest)
         for i in spread(len(self.shapes), MEASURED):
@@ -307,7 +306,7 @@ class Loads:
         worst = which[int(np.argmin(nearest))]
         core = self.given.contact.core
         if core and nearest.min() <= core:
-            yield Finding("cores are inside each other", worst, nearest.min(), core)
+            yield Finding(INSIDE, worst, nearest.min(), core)
         # Closer than half their own spacing, contact points no longer see a crossing.
         apart = 0.5 * self.given.loop_length / self.given.contacts
         if nearest.min() < apart:
@@ -327,6 +326,9 @@ class Loads:
                 contacts = max(contacts, min(MOST_FINE, NARROW * given.loop_length / width))
             fine = Energy(given, FINE_GAUSS, int(contacts), False, self.bent)
             stored = [fine.terms(shape).sum() for shape in self._shapes(fine, ends)]
+            if not np.isfinite(stored).all():
+                yield Finding(INSIDE, int(i), near, given.contact.core)
+                continue
             off = np.diff(stored - self.stored[ends].sum(1))[0]
             said = np.maximum(TIMES * s.numerical_error[ends], LEAST_FINE) * self.scale[ends]
             limit = np.maximum(said, LEAST_OF_ALL * self.largest).mean() * self.size[i] + noise[i]

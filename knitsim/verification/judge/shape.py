@@ -7,7 +7,7 @@ from knitsim.verification.judge.measure import NEIGHBOURS, size_of
 
 VIEW = 4  # vertices per span of the polyline whose crossings are read
 AROUND = 3  # loops to either side with which crossings are sought
-CANDIDATES = 64  # closest pairs of points around which the closest approach is sought
+CANDIDATES = 256  # closest pairs of points around which the closest approach is sought
 _HALVINGS = 16
 
 
