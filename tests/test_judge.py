@@ -154,6 +154,14 @@ def test_a_state_that_is_no_equilibrium(result):
         assert "energy is not that of the shape" not in wrong
 
 
+@pytest.mark.parametrize("kind", ["pulled", "bent, lagging"])
+def test_a_test_that_stopped_at_once(kind):
+    given, states, test = solved(kind)
+    for count in (1, 2):
+        some = type(states)(*(np.asarray(v)[:count] for v in vars(states).values()))
+        assert judge(given, some, replace(test, asked=None)) == []
+
+
 def test_a_fabric_pulled_is_not_at_rest():
     given, states, _ = solved("held across, set")
     alone = type(states)(*(np.asarray(v)[-1:] for v in vars(states).values()))

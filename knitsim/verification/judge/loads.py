@@ -262,7 +262,7 @@ class Loads:
         yield from above("friction gives energy", -lost / stored[1:], SAME, 1)
         if not given.rubs:
             yield from above("energy lost without friction", np.abs(s.dissipated) / stored, SAME)
-        if not self.test.fine_steps:
+        if not self.test.fine_steps or not len(lost):
             return
         if not (self.size > 0.0).any():
             yield Finding("nothing was moved", 0, 0.0, 0.0)
