@@ -1,9 +1,11 @@
 """The paper, end to end: yarn, loop, fabric tests, figures and tables.  See README.md.
 
     snakemake -c2                          everything, into results/
-    snakemake -c2 campaign                 1,000 random fabrics through the equilibrium model
-    snakemake -c2 stress                   5,000 random and worst cases, with a map of the limits
+    snakemake -c2 campaign                 1,000 random fabrics pulled, each result judged
     snakemake -c2 bending_campaign         300 random fabrics bent
+    snakemake -c2 shear_campaign           500 random fabrics sheared
+    snakemake -c2 stress                   5,000 random and worst cases, with a map of the limits
+    snakemake -c2 stress --config seed=7 cases=100   other cases of a campaign, or fewer
     snakemake -c2 calibration              also the calibrations that the study marks on_request
     snakemake -c2 benchmark                run time against error in full, PyElastica beside it, scaling
     snakemake -c2 excel                    the tables again, for Excel with decimal commas

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from knitsim.loop.build import build_loop
-from knitsim.verification.judge_energy import control_of
+from knitsim.verification.judge.given import control_of
 from knitsim.yarn.law import paper_k3
 
 # The cotton fabric of the paper; diameter and loop length are assumptions of the project.
@@ -28,11 +28,12 @@ def cotton_law():
 
 @pytest.fixture(scope="session")
 def rough():
-    """A loop of 12 control points that touches its neighbours, and its spacings."""
+    """A loop of 12 control points that touches its neighbours, and its lattice."""
     random = np.random.default_rng(3)
     u = np.arange(12) / 12
     knots = np.stack(
         [1.5e-3 * u - 0.45e-3 * np.sin(4 * np.pi * u), -8e-4 * np.cos(2 * np.pi * u),
          1.7e-4 * (1 - np.cos(4 * np.pi * u))], axis=1,
     )  # fmt: skip
-    return control_of(knots + 2e-5 * random.standard_normal((12, 3)), 1.5e-3), 1.5e-3, 1.0e-3
+    control = control_of(knots + 2e-5 * random.standard_normal((12, 3)), [1.5e-3, 0.0, 0.0])
+    return control, np.array([1.5e-3, 0.0, 0.0, 1.0e-3])

@@ -1,8 +1,6 @@
 """Work along a path: quadrature against integrals in closed form, and the balance of energy."""
 
-import math
-from dataclasses import replace
-
+from knitsim.yarn.law import TensionLaw
 import numpy as np
 import pytest
 
@@ -12,13 +10,38 @@ from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.kernels.accept import set_free, work_of_increment
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.stages.judged import relaxed_of
-from knitsim.verification import stress
-from knitsim.verification.campaign import draw
-from knitsim.verification.judge import integral
-from knitsim.yarn.law import TensionLaw, paper_k3
+from knitsim.yarn.law import TensionLaw
 
-COTTON = Fabric(1.4993e-3, 1.2005e-3, 5.56e-3, 0.2793e-3, 5e-9, paper_k3(continuous=True))
+# Random fabrics that once showed what is tested: wale and course spacing, loop length, diameter,
+# bending rigidity, law, contact stiffness, friction.
+STAIRS = (  # soft in bending: its force goes up in stairs
+    0.001870872378, 0.001126876114, 0.006383106591, 0.00020157599197, 1.0129017815e-09,
+    (0.0, 0.005005862317, 0.1194535398), (0.0, 0.02513540386, 0.271177793), 1297.833962, 0.0,
+)  # fmt: skip
+LIMP = (  # and open
+    0.00409932297188, 0.00200524188739, 0.0114551027807, 0.00042853004945, 3.282731518981e-12,
+    (0.0, 0.0151425574945, 0.0485913787628), (0.0, 0.419169364132, 1.693127188087), 667.3584333809,
+    0.0,
+)  # fmt: skip
+HELD = (  # by friction, under tension at its first length
+    0.0030373782104544, 0.0022379107343834, 0.01174279984057, 0.00081971781399806,
+    2.6618088679179e-09, (0.0, 0.0159392283859, 0.1198704084477),
+    (0.0, 0.44573487923, 1.9978581814702), 2906.5507135093, 0.37658732477358,
+)  # fmt: skip
+
+
+def relaxed_of(wale, course, length, diameter, rigidity, strain, tension, stiffness, friction):
+    law, contact = TensionLaw(strain, tension, strain[-1]), BarrierContact(stiffness)
+    fabric = Fabric(wale, course, length, diameter, rigidity, law, contact, friction)
+    return relax(fabric, Resolution(48))
+
+
+def integral(x, y):
+    """Integral of y from the first x to every one: the mean of the parabolas on either side."""
+    h, slope = np.diff(x), np.diff(y) / np.diff(x)
+    bend = np.diff(slope) / (x[2:] - x[:-2])
+    both = 0.5 * (np.append(bend[:1], bend) + np.append(bend, bend[-1:]))
+    return np.append(0.0, np.cumsum(0.5 * h * (y[1:] + y[:-1]) - both * h**3 / 6.0))
 
 
 def summed(ways, forces):
@@ -67,15 +90,8 @@ def test_two_prescribed_entries_work_together():
 
 
 def test_work_is_stored_where_contact_points_make_the_force_waver():
-    case = draw(8, 99)  # soft in bending: its force goes up in stairs
-    law = TensionLaw(case.law_strain, case.law_tension, case.breaking_strain)
-    fabric = Fabric(
-        case.wale_spacing, case.course_spacing, case.loop_length, case.diameter,
-        case.bending_rigidity, law, BarrierContact(case.contact_stiffness),
-    )  # fmt: skip
-    relaxed = relax(fabric, Resolution(48))
-    steps = math.ceil(case.wale_strain / 0.01)
-    curve = tensile(relaxed, "wale", case.wale_strain * np.arange(1, steps + 1) / steps)
+    relaxed, steps = relaxed_of(*STAIRS), 10
+    curve = tensile(relaxed, "wale", 0.0983116 * np.arange(1, steps + 1) / steps)
     assert curve.steps == steps
     # The force, integrated over the way by another rule, does the work that is reported.
     spacing = np.concatenate([[relaxed.course_spacing], curve.course_spacing])
@@ -87,9 +103,8 @@ def test_work_is_stored_where_contact_points_make_the_force_waver():
 
 def test_energy_that_a_snap_sets_free_is_lost():
     """A limp open fabric, frictionless, that has less energy pulled than at rest: it jumped."""
-    case = stress.draw(922)
-    relaxed = relaxed_of(replace(case.fabric, friction=0.0), Resolution(case.points))
-    strains = case.fabric.wale_strain * np.arange(1, 41) / 40.0
+    relaxed = relaxed_of(*LIMP)
+    strains = 0.12079268 * np.arange(1, 41) / 40.0
     curve, fine = (tensile(relaxed, "wale", strains, increment=step) for step in (0.1, 0.001))
     for one in (curve, fine):
         stored = one.energy.sum(1) - relaxed.energy.sum()
@@ -116,8 +131,7 @@ def test_a_smooth_path_sets_nothing_free():
 
 
 def test_a_held_fabric_with_friction_is_pushed_until_it_has_no_force():
-    case = stress.draw(1295)  # friction holds it under tension at its first length
-    relaxed = relaxed_of(case.fabric, Resolution(case.points))
+    relaxed = relaxed_of(*HELD)
     curve = tensile(relaxed, "course", [0.1, 0.19], lateral="held", recovery=True)
     at_first = np.flatnonzero(np.abs(curve.strain) < 1e-12)[-1]
     largest = curve.force_per_loop.max()

@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from oracles import exact
 from scipy.integrate import quad
 
 from knitsim import kes
 from knitsim.errors import ComputationError, InputError
 from knitsim.kes.single_pass import Pass
 from knitsim.measured.read import read_measured
-from knitsim.verification import exact
 
 GF = 9.80665e-3  # N
 FORCE = 500 * GF / 1e-2  # N/m

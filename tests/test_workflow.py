@@ -605,7 +605,15 @@ def test_bad_arguments_are_refused_in_one_line(tmp_path):
         "knitsim: nowhere/scenes.yaml: no such file; a study has yarns, fabrics, scenes"
     )
     assert refusal(project, config=["fabric=small"]) == (
-        "knitsim: --config fabric = small: must be study=DIR or results=DIR"
+        "knitsim: --config fabric = small: must be study=DIR, results=DIR, seed=NUMBER or cases=NUMBER"
+    )
+    for sample in ("cases=0", "seed=new"):
+        key, _, value = sample.partition("=")
+        assert refusal(project, config=[sample]) == (
+            f"knitsim: --config {key} = {value}: must be a whole number above 0"
+        )
+    assert "shear_campaign_part" in project.run(
+        "--dry-run", "shear_campaign", config=["seed=7", "cases=3"]
     )
 
 

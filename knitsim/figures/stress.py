@@ -19,7 +19,7 @@ _OUTCOMES = {
 def stress_map(rows, limits):
     """Maps of the cases by their inputs, and what became of each family.
 
-    rows: mappings by knitsim.stages.stress.COLUMNS, values as text; limits: that stage's LIMITS.
+    rows: mappings by knitsim.stages.trials.COLUMNS, values as text; limits: that stage's LIMITS.
     Cases called impossible from their inputs are pale; dashed lines are where the rule draws the limit.
     Inputs that no fabric has are counted, but stand on no map.
     """
@@ -31,20 +31,20 @@ def stress_map(rows, limits):
     slope = np.array([_slope(row) for row in rows])
     rigidity = 16.0 * value["bending_rigidity"] / (slope * d**2)
     compression = value["contact_stiffness"] * d / slope
+    barrier = np.array([not row["core"] for row in rows])
     bulk = length / d
     room = (length - 2.0 * value["course_spacing"] - value["wale_spacing"]) / d
-    bends = np.array(["bending" in row["test"] for row in rows])
-    asked = np.where(
-        [row["test"] == "course" for row in rows], value["course_strain"], value["wale_strain"]
+    pulled, bends = (
+        np.array([row["kind"] == kind for row in rows]) for kind in ("tension", "bending")
     )
     ax = axes[0, 0]
-    _scatter(ax, rows, compression, rigidity, np.ones(len(rows), dtype=bool))
+    _scatter(ax, rows, compression, rigidity, barrier)
     # B/(K d^3) of the narrowest contact that contact points resolve.
-    ends = np.array([compression.min(), compression.max()])
+    ends = np.array([compression[barrier].min(), compression[barrier].max()])
     ax.plot(ends, 16.0 * limits["narrow"] * ends, color=style.BLACK, linestyle="--", linewidth=0.8)
     ax.set(xscale="log", yscale="log", xlabel=r"compression $K d / k_1$ (1)")
     ax.set_ylabel(r"bending rigidity $16 B / (k_1 d^2)$ (1)")
-    letter(ax, "a", "yarn: bending and compression")
+    letter(ax, "a", "barrier law: bending and compression")
     ax = axes[0, 1]
     _scatter(ax, rows, bulk, room, np.ones(len(rows), dtype=bool))
     ax.axhline(limits["room"], color=style.BLACK, linestyle="--", linewidth=0.8)
@@ -57,11 +57,11 @@ def stress_map(rows, limits):
         axis.set_major_formatter(ScalarFormatter())
     letter(ax, "b", "tight and open fabrics")
     ax = axes[0, 2]
-    _scatter(ax, rows, 1e2 * asked, value["friction"], ~bends)
+    _scatter(ax, rows, 1e2 * value["largest"], value["friction"], pulled)
     ax.set(xlabel="strain asked (%)", ylabel="friction (1)")
     letter(ax, "c", "tension: strain and friction")
     ax = axes[1, 0]
-    _scatter(ax, rows, np.abs(value["curvature"]) * d, rigidity, bends)
+    _scatter(ax, rows, value["largest"] * d, rigidity, bends)
     ax.axvline(limits["curvature"], color=style.BLACK, linestyle="--", linewidth=0.8)
     ax.set(xscale="log", yscale="log", xlabel=r"curvature $|\kappa| d$ (1)")
     ax.set_ylabel(r"bending rigidity $16 B / (k_1 d^2)$ (1)")
@@ -77,7 +77,7 @@ def stress_map(rows, limits):
 
 _USED = (
     "diameter", "loop_length", "wale_spacing", "course_spacing", "bending_rigidity",
-    "contact_stiffness", "friction", "course_strain", "wale_strain", "curvature",
+    "contact_stiffness", "friction", "largest",
 )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Exact answers for yarns in contact: capstan, yarn round a cylinder, yarns that cross.
+"""Exact answers for yarns in contact: capstan, yarn round a cylinder, a span that is pushed.
 
 SI units.  Yarns are inextensible here, the contact is hard: the radius of contact is the distance
 between the yarn's centre line and the cylinder's axis, or half the distance of two centre lines
@@ -12,7 +12,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from knitsim.errors import InputError, number
-from knitsim.verification.exact_rods import tip_load
 
 _ROOT = {"xtol": 1e-300, "rtol": 4.0 * np.finfo(float).eps, "maxiter": 500}
 
@@ -23,30 +22,6 @@ def capstan(friction, turn):
     """T2/T1 = exp(mu phi) of a limp yarn that slips over the angle ``turn`` (rad); Euler."""
     friction = number("friction", friction, 0.0, low_allowed=True)
     return math.exp(friction * number("turn", turn, 0.0, low_allowed=True))
-
-
-def capstan_chain(friction, turns):
-    """T2/T1 of a limp chain that slips on every contact node.
-
-    turns (n,): the angle t (rad) by which the chain turns at each node, 0 <= t < pi; for n equal
-    turns ``numpy.full(n, phi/n)``.  At a node (T2 - T1) cos(t/2) = mu N and (T1 + T2) sin(t/2) = N,
-    the normal force halving the angle between its two links.  So T2/T1 = (1 + mu tan(t/2))/(1 - mu
-    tan(t/2)) and log(T2/T1) = 2 sum atanh(mu tan(t/2)); for n equal turns to leading order that is
-    mu phi + mu (1 + mu^2) phi^3/(12 n^2).  Raises InputError where mu tan(t/2) >= 1: such a node
-    never slips.
-    """
-    friction = number("friction", friction, 0.0, low_allowed=True)
-    turns = np.atleast_1d(np.asarray(turns, dtype=float))
-    if turns.ndim != 1 or not turns.size or not np.all((turns >= 0.0) & (turns < math.pi)):
-        raise InputError("turns", turns.tolist(), "must be angles of at least 0 and below pi")
-    grip = friction * np.tan(0.5 * turns)
-    if np.any(grip >= 1.0):
-        raise InputError(
-            "turns",
-            float(turns.max()),
-            f"too large to slip at friction {friction:g}: use more nodes",
-        )
-    return math.exp(2.0 * math.fsum(np.arctanh(grip)))
 
 
 # ---- a stiff yarn round a cylinder ----
@@ -126,18 +101,6 @@ def wrapped_yarn(tension, rigidity, radius, turn):
     )
 
 
-def tail_angle(tension, rigidity, start_angle, arc):
-    """Angle (rad) between a long tail and its asymptote at ``arc`` (m, any shape) from the contact.
-
-    tan(theta/4) = tan(theta_0/4) exp(-s sqrt(T/EI)); start_angle: theta_0 = ``tail_turn``.
-    """
-    tension = number("tension", tension, 0.0)
-    rigidity = number("rigidity", rigidity, 0.0)
-    start = number("start_angle", start_angle, 0.0, math.pi, low_allowed=True)
-    decay = np.exp(-np.asarray(arc, dtype=float) * math.sqrt(tension / rigidity))
-    return 4.0 * np.arctan(math.tan(0.25 * start) * decay)
-
-
 def capstan_stiff(friction, tension, rigidity, radius, turn):
     """Greater tension T2 (N) at which a stiff yarn slips over a cylinder, long tails.
 
@@ -181,64 +144,6 @@ def _wrap(tension, rigidity, radius):
 
 
 # ---- two yarns that cross ----
-
-
-@dataclass(frozen=True)
-class PressedYarns:
-    """Two crossing yarns pressed together: contact force (N), the deflections of the two (m) and
-    their curvatures at the contact (m-1)."""
-
-    force: float
-    deflections: tuple
-    curvatures: tuple
-
-
-def pressed_yarns(approach, rigidities, lengths, distance, crossing_angle=0.5 * math.pi):
-    """Two straight yarns that cross at their middles, their ends pressed past each other.
-
-    The ends of either yarn are held at one height each, free to slide along the yarn's plane and to
-    turn (hinges on rollers); the two heights differ by distance - approach.  rigidities: (EI_a,
-    EI_b) (N m2); lengths: (L_a, L_b) (m), of the yarns between their ends; distance: of the two
-    centre lines in contact (m); approach (m), at least 0.  Any deflection.
-
-    By symmetry the middle is a clamp and each half a cantilever of length L/2 under the dead load
-    N/2 across it: N solves delta_a(N) + delta_b(N) = approach, delta = (L/2) ``deflection`` of
-    :func:`knitsim.verification.exact_rods.tip_load` at (N/2)(L/2)^2/EI.
-    The yarns touch at one point only if (1 - d kappa_a)(1 - d kappa_b) > cos^2(crossing_angle),
-    d kappa < 1 (distance of nearby points, second order), else InputError, as for an approach that
-    the yarns are too short for.  Returns a :class:`PressedYarns`.
-    """
-    rigidity = [number("rigidities", part, 0.0) for part in rigidities]
-    half = [0.5 * number("lengths", part, 0.0) for part in lengths]
-    distance = number("distance", distance, 0.0)
-    crossing_angle = number("crossing_angle", crossing_angle, 0.0, math.pi)
-    approach = number("approach", approach, 0.0, sum(half), low_allowed=True)
-    if approach == 0.0:
-        return PressedYarns(0.0, (0.0, 0.0), (0.0, 0.0))
-    scale = [0.5 * a * a / b for a, b in zip(half, rigidity, strict=True)]
-
-    def bent(force):
-        return [tip_load(force * each) for each in scale]
-
-    def gap(force):
-        return sum(a * rod.deflection for a, rod in zip(half, bent(force), strict=True)) - approach
-
-    # A cantilever stiffens as it bends: the linear answer, N/approach = 1/sum(L^3/(48 EI)), is low.
-    low = approach / sum(a * each / 3.0 for a, each in zip(half, scale, strict=True))
-    high = 2.0 * low
-    while gap(high) <= 0.0:
-        high *= 2.0
-        if high * max(scale) > 1e8:
-            raise InputError("approach", approach, f"must be well below {sum(half):g} (both yarns)")
-    force = brentq(gap, 0.999 * low, high, **_ROOT)
-    rods = bent(force)
-    curvature = tuple(rod.root_moment / a for a, rod in zip(half, rods, strict=True))
-    room = [1.0 - distance * each for each in curvature]
-    if min(room) <= 0.0 or room[0] * room[1] <= math.cos(crossing_angle) ** 2:
-        raise InputError("approach", approach, "too large: the yarns touch at more than one point")
-    return PressedYarns(
-        force, tuple(a * rod.deflection for a, rod in zip(half, rods, strict=True)), curvature
-    )
 
 
 def span_stiffness(rigidity, span, tension=0.0, ends="hinged"):

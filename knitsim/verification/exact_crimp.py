@@ -8,10 +8,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import ellipeinc
 
-from knitsim.errors import ComputationError, InputError, number
+from knitsim.errors import InputError, number
 from knitsim.verification.exact_rods import MOST_LOAD, clamped_rod
 
 
@@ -47,29 +45,6 @@ def crimp_arcs(largest_angle):
     return lambda s: angle * s
 
 
-def crimp_sinusoid(largest_slope):
-    """Rest shape y = h cos(2 pi x/wavelength); largest_slope: b = 2 pi h/wavelength.
-
-    The quarter's arc length up to phase phi is E(phi | -b^2), inverted for phi; then
-    theta_0 = atan(b sin(phi)).
-    """
-    b = number("largest_slope", largest_slope, 0.0, 20.0)
-    quarter = float(ellipeinc(0.5 * math.pi, -b * b))
-
-    def rest_angle(s):
-        target = np.asarray(s, dtype=float) * quarter
-        phase = np.full(target.shape, 0.5 * math.pi)
-        # The arc length is convex in the phase: Newton from above converges without overshoot.
-        for _ in range(100):
-            step = (ellipeinc(phase, -b * b) - target) / np.sqrt(1.0 + (b * np.sin(phase)) ** 2)
-            phase = phase - step
-            if np.all(np.abs(step) <= 1e-15):
-                break
-        return np.arctan(b * np.sin(phase))
-
-    return rest_angle
-
-
 def pull_crimped(rest_angle, pull):
     """A naturally crimped yarn pulled straight: theta'' - theta_0'' = p sin(theta).
 
@@ -89,27 +64,3 @@ def pull_crimped(rest_angle, pull):
     rod = clamped_rod(force=(pull, 0.0), rest_angle=rest_angle)
     chord, gain = float(rod.tip[0]), float(rod.displacement[0])
     return CrimpedYarn(chord, gain / (chord - gain), rod.tip_angle, rod.energy, rod.error)
-
-
-def crimped_pull(rest_angle, extension):
-    """The pull p of :func:`pull_crimped` at which the extension is ``extension``.
-
-    Raises InputError if the extension is not below that of the straight yarn; ComputationError if
-    the pull exceeds 1e5.
-    """
-    chord = pull_crimped(rest_angle, 0.0).chord
-    extension = number("extension", extension, 0.0, 1.0 / chord - 1.0, low_allowed=True)
-    if extension == 0.0:
-        return 0.0
-    high = 1.0
-    while pull_crimped(rest_angle, high).extension < extension:
-        high *= 4.0
-        if high > 1e5:
-            raise ComputationError(f"crimped yarn at extension {extension:g}: pull above 1e5 EI/L2")
-    return brentq(
-        lambda p: pull_crimped(rest_angle, p).extension - extension,
-        0.0,
-        high,
-        xtol=1e-300,
-        rtol=1e-13,
-    )

@@ -1,9 +1,10 @@
 # Random fabrics through the equilibrium model, each result judged: snakemake campaign (tension),
-# bending_campaign, stress (random and worst cases, pulled and bent).  Not part of the default target.
-# Cut into parts, so that a stopped campaign resumes with the parts that it was in.
+# bending_campaign, shear_campaign, stress (random and worst cases of all tests).  Not part of the
+# default target.  Cut into parts, so that a stopped campaign resumes with the parts that it was in.
+# Other cases than those of knitsim.verification.trials.table: --config seed=NUMBER cases=NUMBER.
 
-for campaign, count in {"campaign": 20, "bending_campaign": 20, "stress": 50}.items():
-    stage = f"knitsim.stages.{campaign}"
+PARTS_OF = {"campaign": 20, "bending_campaign": 20, "shear_campaign": 20, "stress": 50}
+for campaign, count in PARTS_OF.items():
     parts = [f"{part:02d}" for part in range(count)]
     tables = {
         "rows": results(f"tables/{campaign}.csv"),
@@ -24,8 +25,8 @@ for campaign, count in {"campaign": 20, "bending_campaign": 20, "stress": 50}.it
         log:
             log_of(campaign),
         params:
-            stage=stage,
-            source=source_hash(stage, *["knitsim.figures.stress"] * ("figure" in tables)),
+            campaign=campaign,
+            source=source_hash("knitsim.stages.trials", *["knitsim.figures.stress"] * ("figure" in tables)),
         script:
             "../scripts/campaign.py"
 
@@ -38,10 +39,11 @@ for campaign, count in {"campaign": 20, "bending_campaign": 20, "stress": 50}.it
         log:
             log_of(f"{campaign}_{{part}}"),
         params:
-            stage=stage,
+            campaign=campaign,
             parts=count,
-            source=source_hash(stage),
+            **SAMPLE,
+            source=source_hash("knitsim.stages.trials"),
         wildcard_constraints:
             part=r"\d+",
         script:
-            "../scripts/campaign_part.py"
+            "../scripts/campaign.py"

@@ -21,9 +21,17 @@ from knitsim.store.results import RESULTS, path_of
 for library in ("OMP", "MKL", "OPENBLAS", "NUMBA"):
     os.environ[f"{library}_NUM_THREADS"] = "1"
 
+# Of the campaigns: which random cases, and how many.
+SAMPLE = {key: config[key] for key in ("seed", "cases") if key in config}
 for key, value in config.items():
-    if key not in ("study", "results"):
-        sys.exit(f"knitsim: --config {key} = {value}: must be study=DIR or results=DIR")
+    if key not in ("study", "results", "seed", "cases"):
+        sys.exit(
+            f"knitsim: --config {key} = {value}: must be study=DIR, results=DIR, seed=NUMBER or "
+            "cases=NUMBER"
+        )
+for key, value in SAMPLE.items():
+    if type(value) is not int or value < 1:
+        sys.exit(f"knitsim: --config {key} = {value}: must be a whole number above 0")
 config.setdefault("study", "config")
 config.setdefault("results", "results")
 STORE = Path(config["results"])

@@ -1,23 +1,28 @@
-"""Rules campaign, bending_campaign, stress: all cases in one table, what they come to, the map."""
+"""Rules of the campaigns: some of a campaign's cases, solved and judged; or all in one table."""
 
 from knitsim.stages.job import job
 
 with job(snakemake):
-    from importlib import import_module
     from pathlib import Path
 
-    from knitsim.stages.judged import gathered
+    from knitsim.stages import trials
     from knitsim.store.timing import write_csv
 
-    stage = import_module(snakemake.params.stage)
-    rows = gathered(snakemake.input.rows)
-    write_csv(snakemake.output.rows, stage.COLUMNS, rows)
-    write_csv(snakemake.output.times, stage.TIMES, gathered(snakemake.input.times))
-    write_csv(snakemake.output.summary, stage.SUMMARY, stage.summary(rows))
-    if "figure" in snakemake.output.keys():
+    given, put = snakemake.params, snakemake.output
+    if "part" in snakemake.wildcards.keys():
+        part = int(snakemake.wildcards.part)
+        sample = {key: given[key] for key in ("seed", "cases") if key in given.keys()}
+        rows, times = trials.part_of(given.campaign, part, given.parts, **sample)
+    else:
+        rows, times = (
+            trials.gathered(files) for files in (snakemake.input.rows, snakemake.input.times)
+        )
+        write_csv(put.summary, trials.SUMMARY, trials.summary(given.campaign, rows))
+    write_csv(put.rows, trials.COLUMNS, rows)
+    write_csv(put.times, trials.TIMES, times)
+    if "figure" in put.keys():
         from knitsim.figures import style
         from knitsim.figures.stress import stress_map
 
         with style.context():
-            map_of_cases = stress_map(rows, stage.LIMITS)
-            style.save(map_of_cases, Path(snakemake.output.figure[0]).with_suffix(""))
+            style.save(stress_map(rows, trials.LIMITS), Path(put.figure[0]).with_suffix(""))

@@ -88,6 +88,7 @@ def campaigns(folder):
         for name, file in (
             ("tension", "campaign_summary.csv"),
             ("bending", "bending_campaign_summary.csv"),
+            ("shear", "shear_campaign_summary.csv"),
             ("stress", "stress_summary.csv"),
         )
         if (folder / file).exists()

@@ -1,0 +1,227 @@
+"""A random case solved and judged: what became of each of its tests, in rows.
+
+Outcomes: "verified", all that was asked was reached and the judge found nothing; "stopped", the test
+ended before with its reason; "refused", InputError or ComputationError with its reason; "wrong", the
+judge found something, the load is further from that at twice the resolution than was said, an input
+that no fabric has was taken, or the solver failed in another way.  Stopped tests are judged too.
+"""
+
+import time
+from dataclasses import fields, replace
+
+import numpy as np
+
+from knitsim.equilibrium.accuracy import scale_of
+from knitsim.equilibrium.bend import FRICTION_INCREMENT as BENDING_FRICTION_INCREMENT
+from knitsim.equilibrium.bend import INCREMENT as BENDING_INCREMENT
+from knitsim.equilibrium.bend import bend
+from knitsim.equilibrium.pull import FRICTION_INCREMENT, biaxial, shear, tensile
+from knitsim.errors import ComputationError, InputError
+from knitsim.verification.judge.given import Core
+from knitsim.verification.judge.verdict import judge
+from knitsim.verification.trials.law import NO_INPUT, Asked, Case
+from knitsim.verification.trials.rule import impossible
+from knitsim.verification.trials.told import given_of, relaxed_of, states_of, wanted_of
+
+VERIFIED, STOPPED, REFUSED, WRONG = OUTCOMES = ("verified", "stopped", "refused", "wrong")
+# Checks that a fabric fails too that snaps from one shape to another.
+SNAPPING = {
+    "work is not stored or lost", "energy lost without friction",
+    "work of the load is not stored or lost",
+}  # fmt: skip
+REFINED = 0.05  # change of the load at twice the resolution that needs not be said
+LOST_ALIKE = 0.8  # part of the work astray that is left in steps of a quarter where a fabric snaps
+
+_CASE = [f.name for f in fields(Case) if f.name not in ("tests", "contact", "number")]
+_CONTACT = ("contact_stiffness", "core", "exponent")
+_ASKED = [f.name for f in fields(Asked) if f.name != "path"]
+_FOUND = (
+    "outcome", "reason", "states", "reached", "load", "first_load", "residual", "min_distance",
+    "estimated_error", "refined_difference", "snaps",
+)  # fmt: skip
+COLUMNS = (
+    "number", "seed", "test", *_CASE, *_CONTACT, "kinds", *_ASKED, "largest", "possible",
+    "impossible_because", *_FOUND,
+)  # fmt: skip
+TIMES = ("number", "relaxing", "testing", "refining", "judging")
+
+
+def run(campaign, numbers, seed=None):
+    """Rows of results (mappings by COLUMNS) and of CPU times (by TIMES, s) of the cases ``numbers``."""
+    rows, times = [], []
+    for number in numbers:
+        clock = Clock(TIMES[1:])
+        case = campaign.draw(number, seed)
+        same = {"seed": campaign.seed if seed is None else seed}
+        rows += [same | row for row in rows_of(case, campaign.errors, clock)]
+        times.append({"number": number, **clock.row()})
+    return rows, times
+
+
+class Clock:
+    """CPU time by what it was spent on."""
+
+    def __init__(self, names):
+        self.spent = dict.fromkeys(names, 0.0)
+
+    def time(self, name, call, *args, **more):
+        """What the call gives; its time is added under the name."""
+        start = time.process_time()
+        try:
+            return call(*args, **more)
+        finally:
+            self.spent[name] += time.process_time() - start
+
+    def row(self):
+        """Times so far, four digits."""
+        return {name: f"{spent:.4g}" for name, spent in self.spent.items()}
+
+
+def guarded(call, *args, **more):
+    """(result or None, outcome, reason) of a call to the solver."""
+    try:
+        return call(*args, **more), VERIFIED, ""
+    except (InputError, ComputationError) as error:
+        return None, REFUSED, f"{type(error).__name__}: {error}"
+    except Exception as error:  # whatever else happens is the solver's fault, and counts so
+        return None, WRONG, f"{type(error).__name__}: {error}"
+
+
+def rows_of(case, errors, clock):
+    """Rows (by COLUMNS, without the seed), one for each test of a case."""
+    row = inputs_of(case) | dict.fromkeys(_FOUND, "")
+    relaxed, outcome, reason = clock.time("relaxing", guarded, relaxed_of, case)
+    if relaxed is not None and case.family == NO_INPUT:
+        relaxed, outcome, reason = None, WRONG, "an input that no fabric has was taken"
+    # A core law is wrong in silence where contact points do not resolve it: it always says its error.
+    errors = errors or case.refined or case.contact.core > 0.0
+    rows = []
+    for asked in case.tests:
+        found = {"outcome": outcome, "reason": reason}
+        if relaxed is not None:
+            found = _found(case, relaxed, asked, errors, clock)
+        own = {name: getattr(asked, name) for name in _ASKED}
+        own |= {"test": asked.name, "largest": float(np.abs(asked.path).max())}
+        rows.append(row | own | found)
+    return rows
+
+
+def inputs_of(case):
+    """What is written of a case in each of its rows."""
+    law, reasons = case.contact, impossible(case)
+    row = {name: _text(getattr(case, name)) for name in _CASE}
+    return row | {
+        "number": case.number, "kinds": "; ".join(case.kinds),
+        "contact_stiffness": law.stiffness, "core": law.core or "",
+        "exponent": law.exponent if isinstance(law, Core) else "",
+        "possible": "no" if reasons else "yes", "impossible_because": "; ".join(reasons),
+    }  # fmt: skip
+
+
+def _text(value):
+    return " ".join(f"{v:.9g}" for v in value) if isinstance(value, tuple) else value
+
+
+def _found(case, relaxed, asked, error, clock):
+    """Results of one test, by some of _FOUND."""
+    curve, outcome, reason = clock.time("testing", guarded, solved, asked, relaxed, error)
+    if curve is None:
+        return {"outcome": outcome, "reason": reason}
+    found = {"outcome": STOPPED if curve.stop_reason else VERIFIED, "reason": curve.stop_reason}
+    found["states"] = curve.steps
+    if not curve.steps:
+        return found
+    bends = asked.kind == "bending"
+    load = _load(asked, curve)
+    found |= {
+        "reached": float((curve.curvature if bends else curve.strain)[-1]),
+        "load": float(load[-1]), "first_load": float(load[0]),
+        "residual": float(curve.residual.max()), "min_distance": float(np.min(curve.min_distance)),
+    }  # fmt: skip
+    if error:
+        found["estimated_error"] = float(np.max(curve.numerical_error))
+    states = states_of(asked, relaxed, curve)
+    given = clock.time("judging", given_of, case, relaxed, bends)
+    wrong = clock.time("judging", judge, given, states, wanted_of(asked, relaxed, curve))
+    if wrong and all(f.check in SNAPPING for f in wrong) and _snaps(asked, relaxed, states, given):
+        found["snaps"], wrong = "yes", []
+    wrong = [str(finding) for finding in wrong]
+    if case.refined:
+        off = clock.time("refining", _refined, case, relaxed, asked, curve)
+        if off is not None:
+            found["refined_difference"], limit = off
+            if not found["refined_difference"] <= limit:
+                wrong.append(f"off by {off[0]:.3g} at twice the resolution, said {limit:.3g}")
+    return found | ({"outcome": WRONG, "reason": "; ".join(wrong)} if wrong else {})
+
+
+def _load(asked, curve):
+    return curve.moment_per_width if asked.kind == "bending" else curve.force_per_loop
+
+
+def solved(asked, relaxed, error=False, finer=1):
+    """Curve or BendingCurve of the test asked; error: with its estimate; finer: divides the steps."""
+    if asked.kind == "bending":
+        fabric = relaxed.model.fabric
+        rubs = fabric.friction > 0.0 or fabric.bending_hysteresis > 0.0
+        step = (BENDING_FRICTION_INCREMENT if rubs else BENDING_INCREMENT) / finer
+        return bend(
+            relaxed, asked.direction, asked.path, spacings=asked.lateral, increment=step,
+            estimate_error=error,
+        )  # fmt: skip
+    step = {"increment": (asked.increment or FRICTION_INCREMENT) / finer}
+    if asked.kind == "biaxial":
+        return biaxial(relaxed, asked.path, **step)
+    step["estimate_error"] = error
+    if asked.kind == "shear":
+        return shear(relaxed, asked.path, lateral=asked.lateral, tension=asked.tension, **step)
+    return tensile(
+        relaxed, asked.direction, asked.path, lateral=asked.lateral, recovery=asked.cycles > 0,
+        cycles=max(asked.cycles, 1), **step,
+    )  # fmt: skip
+
+
+def _snaps(asked, relaxed, states, given):
+    """Whether the fabric jumps from one shape to another on the way, which sets energy free.
+
+    Then work goes astray in the same amount however small the steps are (without friction it is what
+    the solver says was lost); an error of the steps falls.
+    """
+    curve, _, _ = guarded(solved, asked, relaxed, finer=4)
+    finer = None if curve is None else states_of(asked, relaxed, curve)
+    if finer is None or len(finer.work) != len(states.work):
+        return False
+    lost = [
+        np.diff(s.work - s.energy.sum(axis=1) - given.rubs * s.dissipated) for s in (states, finer)
+    ]
+    jump = int(np.argmax(lost[0]))
+    same = LOST_ALIKE * lost[0][jump] < lost[1][jump]
+    return bool(same and lost[0][jump] > LOST_ALIKE * lost[0].sum() > 0.0)
+
+
+def _refined(case, relaxed, asked, curve):
+    """(difference of the loads from those at twice the resolution, limit) where worst, or None.
+
+    Both over max(|load|, 1 % of the largest).  None where the finer solution is not reached.  Where
+    the solver does not say how exact it is, the difference stands without a limit.
+    """
+    fine = relaxed.model.resolution.refined(relaxed.model.fabric)
+    finer, _, _ = guarded(
+        lambda: solved(
+            asked, relaxed_of(replace(case, points=fine.points, contacts=fine.contacts)), finer=2
+        )
+    )
+    if finer is None:
+        return None
+    load, exact = _load(asked, curve), _load(asked, finer)
+    # On the way out states are the same; on the way back the last one is at zero force.
+    n = min(len(load), len(exact), len(asked.path))
+    if n == 0:
+        return None
+    off = np.abs(exact[:n] - load[:n]) / scale_of(load)[:n]
+    said = curve.numerical_error[:n]
+    limit = np.where(np.isfinite(said), np.maximum(REFINED, said), np.inf)
+    if not np.isfinite(limit).any():
+        return float(off.max()), np.inf
+    worst = int(np.argmax(off - limit))
+    return float(off[worst]), float(limit[worst])

@@ -1,0 +1,34 @@
+"""The campaigns of random cases, one row each.  Their limits were fixed before they were run."""
+
+from dataclasses import dataclass
+
+from knitsim.verification.trials.law import Law, bends, pulls, shears
+from knitsim.verification.trials.worst import WORST
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """title; law: how its cases are drawn; seed, cases: which and how many; solved: least part of the
+    possible cases that must be solved and verified; errors: whether each test is asked for its
+    estimated error."""
+
+    title: str
+    law: Law
+    seed: int
+    cases: int
+    solved: float
+    errors: bool = True
+
+    def draw(self, number, seed=None):
+        """Case ``number`` (0 on), of another seed where it is given."""
+        return self.law.draw(number, self.seed if seed is None else seed)
+
+
+_FLAT = {"hysteresis": 0.0}  # acts where the fabric is bent
+# Trials before each campaign used other seeds.
+CAMPAIGNS = {
+    "campaign": Campaign("tension", Law(pulls, shares=_FLAT), 31250, 1000, 0.99),
+    "bending_campaign": Campaign("bending", Law(bends, shares={"several": 0.02}), 31252, 300, 0.99),
+    "shear_campaign": Campaign("shear", Law(shears, shares=_FLAT, cell="full"), 31253, 500, 0.99),
+    "stress": Campaign("stress", WORST, 31251, 5000, 0.98, errors=False),
+}
