@@ -1,6 +1,5 @@
 """Work along a path: quadrature against integrals in closed form, and the balance of energy."""
 
-from knitsim.yarn.law import TensionLaw
 import numpy as np
 import pytest
 
@@ -10,7 +9,9 @@ from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.kernels.accept import set_free, work_of_increment
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.yarn.law import TensionLaw
+from knitsim.yarn.law import TensionLaw, paper_k3
+
+COTTON = Fabric(1.4993e-3, 1.2005e-3, 5.56e-3, 0.2793e-3, 5e-9, paper_k3(continuous=True))
 
 # Random fabrics that once showed what is tested: wale and course spacing, loop length, diameter,
 # bending rigidity, law, contact stiffness, friction.

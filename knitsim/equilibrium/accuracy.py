@@ -5,8 +5,9 @@ other tells the error of the finer: that of the control points falls with the 6t
 number, that of the contact points with the 4th (measured), so that from a rung to the next the error falls
 more than threefold and the finer lacks less than half of the change.  Below SETTLED control points this
 is not yet so, and the change itself is taken.  What is left wavers along the test; at each state the
-largest change of its neighbourhood stands.  With friction the test is also solved, on the coarser rung, in steps twice as long; the law is
-stepped implicitly, and its error falls at least in proportion to the step.
+largest change of its neighbourhood stands.  With friction the test is also solved, on the coarser rung,
+in steps twice as long; the law is stepped implicitly, and its error falls at least in proportion to the
+step.
 
 Where an accuracy is asked for, rungs are climbed and steps halved until the estimate is met.
 """
@@ -27,6 +28,7 @@ SETTLED, LACKING = 64, 0.5  # control points from which on an error is this part
 FLOOR = 0.01  # of the largest: below it an error is measured against this
 AROUND = 4  # states on either side whose error may stand for a state
 DENSER = 1.5  # contact points where those there are stand too far apart
+MOST_DENSE = 4.0  # contact points a test may end with, over those it began with
 SHARE = 0.5  # of the error asked for that is left to the increments, with friction
 HALVINGS = 5  # of the increment, at most
 LOOSEST, TIGHTEST = 0.5, 1e-6  # accuracies that may be asked for
@@ -167,7 +169,8 @@ def _fine(run, start, increment):
     """The test, and where it started, with as many contact points as its states need."""
     curve = run(start, increment)
     curve = curve.replaced(increment=increment) if start.model.rub else curve
-    while curve.ended == TOO_CLOSE and start.model.cell.contacts * DENSER <= MOST_CONTACTS:
+    most = min(MOST_DENSE * start.model.cell.contacts, MOST_CONTACTS)
+    while curve.ended == TOO_CLOSE and start.model.cell.contacts * DENSER <= most:
         contacts = 4 * int(np.ceil(start.model.cell.contacts * DENSER / 4.0))
         start = at_resolution(start, replace(start.model.resolution, contacts=contacts))
         curve = run(start, increment)

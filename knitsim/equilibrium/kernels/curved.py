@@ -300,7 +300,7 @@ def bent_lift(gaps, kappa, step, slope, factor):
     """
     dx, _, zi, zk = gaps
     mi, mk = 1.0 + kappa * zi, 1.0 + kappa * zk
-    q, q1, q2, qk, q1k, qkk = chord_square(dx, kappa)
+    _, q1, q2, _, q1k, _ = chord_square(dx, kappa)
     both, cross = mi * mk, zi * mk + zk * mi
     q3, q2k = -kappa * kappa * q1, -2.0 * dx * math.sin(kappa * dx)
     lift = 0.0
