@@ -203,9 +203,10 @@ def test_a_fabric_far_from_its_stated_density_still_finds_its_own(tmp_path, file
     fabric = study.fabrics["small"]
     relaxed = relax(solver_fabric(fabric, stated_law(fabric.yarn)))
     line, wale = relaxed.centreline, [relaxed.wale_spacing, 0.0, 0.0]
-    # A yarn under no load keeps its length, and goes on in the next loop.
+    # A yarn under no load is as long as it is, or a little longer where it presses on itself: contact
+    # only pushes apart.  It goes on in the next loop.
     length = np.linalg.norm(np.diff(line, axis=0), axis=1).sum()
-    assert length == pytest.approx(fabric["loop_length"], rel=0.01)
+    assert 0.995 < length / fabric["loop_length"] < 1.02
     assert line[-1] - line[0] == pytest.approx(wale, abs=1e-9)
     # The stated density is no load: with another one the fabric rests as before.
     other = replace(solver_fabric(fabric, stated_law(fabric.yarn)), wale_spacing=1.2e-3)
