@@ -37,6 +37,7 @@ from knitsim.errors import ComputationError
 from knitsim.figures import style
 from knitsim.figures.benchmark import read, run_time_against_error
 from knitsim.stages import benchmark as stage
+from knitsim.stages import benchmark_runs
 from knitsim.store.timing import write_csv
 
 
@@ -165,6 +166,19 @@ def test_each_setting_is_tried_once_and_the_default_is_what_a_user_gets(full):
         assert [setting.default for setting in task.settings].count(True) == 1
 
 
+@pytest.mark.parametrize("knobs", [Knobs(24, 160), Knobs(40, 160), DEFAULT])
+def test_a_setting_is_solved_with_the_points_that_it_names(knobs):
+    """More contact points are taken where those asked for do not do: such a setting has no place here."""
+    runs = benchmark_fabric._Runs()
+    solved = [runs.relaxing(knobs)]
+    for direction in ("course", "wale"):
+        solved += [runs.pulled(knobs, direction), runs.bent(knobs, direction)]
+    for one in solved:
+        cell = one.model.cell
+        assert knobs.name == f"{cell.points} points, {cell.contacts} contacts"
+    assert not any(curve.stop_reason for curve in solved[1:])
+
+
 def test_errors_of_a_curve_against_itself_and_against_another():
     relaxed = relax(COTTON)
     strains = 0.1 * np.arange(1, 4)
@@ -211,6 +225,22 @@ def test_a_disturbed_cell_finds_back_to_rest():
     assert again.iterations > 0
     assert again.wale_spacing == pytest.approx(relaxed.wale_spacing, rel=1e-4)
     assert again.energy.sum() == pytest.approx(relaxed.energy.sum(), rel=1e-8)
+
+
+def test_phases_of_a_test_make_up_its_time():
+    spent, total, iterations = benchmark_scaling.phases(repeats=1, states=1)
+    assert set(spent) == {"contact search", "assembly", "solve", "other"}
+    assert sum(spent.values()) >= total * (1.0 - 1e-9) > 0.0
+    assert iterations >= 30  # one a state, at least
+
+
+def test_the_smallest_size_of_every_task_is_solved():
+    for growth in benchmark_scaling.growths(True):
+        growth.run(growth.prepare(growth.sizes[0]))
+
+
+def test_a_curve_is_written_to_time_it():
+    assert benchmark_runs.files(repeats=1) > 0.0
 
 
 def test_memory_of_an_array():

@@ -293,6 +293,7 @@ def test_yarn_to_fabric_changes_one_thing_at_a_time(tmp_path):
     assert rigidity[3] == pytest.approx(rigidity[4], rel=1e-12)
     assert (rigidity[1] < rigidity[3]).all()
     assert dataset.curl_moment.values[3, 0] < 0 < dataset.curl_moment.values[3, 1]
+    assert json.loads(dataset.attrs["settings"]) == {"accuracy": None, "points": 32}
     write(dataset, tmp_path / "yarn_to_fabric.nc")
 
 
