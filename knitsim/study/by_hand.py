@@ -4,6 +4,7 @@ import inspect
 
 import numpy as np
 
+from knitsim.errors import InputError
 from knitsim.study.check import check_name, check_section
 
 _NOT_BY_HAND = ("scene",)  # there are no scenes.yaml
@@ -13,6 +14,9 @@ _OF_AN_OBJECT = ("yarn",)  # given as an object
 def stated_tree(section, keys, name):
     """The checked tree of ``keys`` {key: value} for an entry called ``name``.  Raises InputError."""
     check_name(name, section.name)
+    for key in _NOT_BY_HAND:
+        if key in keys:
+            raise InputError(f"{name}.{key}", None, "is a key of a study; here tests are functions")
     return check_section(section, _plain(keys), name, sweeps=False)
 
 

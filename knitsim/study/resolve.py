@@ -1,6 +1,7 @@
 """From what a file states to SI values: sweeps, defaults, alternatives of unit."""
 
 import itertools
+import math
 from dataclasses import replace
 
 from knitsim import units
@@ -159,6 +160,8 @@ class Resolver:
                 return None
             value = units.from_si(si, key.unit) if key.unit else si
             low, high = sorted(factor * value for factor in key.plausible or (1.0, 1.0))
+            if key.kind == "integer":
+                low, high = math.floor(low), math.ceil(high)
         else:
             value = list(default) if isinstance(default, tuple) else default
             si = _si(value, key.unit)

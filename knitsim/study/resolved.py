@@ -145,6 +145,12 @@ class SceneInput(Resolved):
     def _check(self):
         check_scene(self, self._tree)
 
+    def with_tests(self, **tests):
+        """A scene with the same state at rest and these tests, {section: what it states}."""
+        rest = {"equilibrium_rest": self._tree.get("equilibrium_rest", {})}
+        tree = check_section(SCENE, tests, self.base, sweeps=False)
+        return SceneInput(self.file, self.base, {}, "", {**rest, **tree})
+
     @property
     def of(self):
         """``yarn`` or ``fabric``: what the scene tests."""

@@ -61,6 +61,10 @@ class Yarn(Resolved):
         self._folders = folders
         self._check()
 
+    def _assumed(self):
+        rows = len(self._rows)
+        return f", {rows} input{'s' * (rows > 1)} assumed" if rows else ""
+
     def __repr__(self) -> str:
         tex, diameter = 1e6 * self["linear_density"], 1e3 * self["diameter"]
         return f"<Yarn{self._named()}: {tex:.4g} tex, diameter {diameter:.4g} mm{self._assumed()}>"
@@ -153,6 +157,27 @@ class Fabric(Resolved):
 
     def _check(self):
         check_fabric(self)
+
+    def with_rest(self, **keys):
+        """A copy whose scene has these keys of equilibrium_rest, and what it stated of it before."""
+        other = copy.copy(self)
+        if self.scene["equilibrium_rest"] is None:
+            other.scene = self.scene.with_tests()
+        if "points" in keys and "accuracy" in keys:
+            raise InputError(
+                "relax.accuracy", keys["accuracy"], "chooses what points states; keep one of them"
+            )
+        for key, value in keys.items():
+            other.scene = other.scene.with_value(f"equilibrium_rest.{key}", value)
+        other._check()
+        return other
+
+    def with_tests(self, **tests):
+        """A copy whose scene has these tests, {section of scenes.yaml: what it states}, and no others."""
+        other = copy.copy(self)
+        other.scene = self.scene.with_tests(**tests)
+        other._check()
+        return other
 
     def measured_paths(self, name):
         """Paths of the measured curve ``name``.  Raises InputError for a missing file."""
