@@ -92,6 +92,13 @@ class Evaluation:
             for name, reason in self.left_out.items()
         ]  # fmt: skip
 
+    def __repr__(self):
+        told = []
+        for one in list(self.parameters.values())[:6]:
+            unit = "" if one.kes_units == "1" else f" {one.kes_units}"
+            told.append(f"{one.name} {one.kes_value:.3g}{unit}")
+        return f"<KES: {', '.join(told) or 'nothing could be read'}>"
+
     def __str__(self):
         lines = [str(parameter) for parameter in self.parameters.values()]
         lines += [f"{name} left out: {reason}" for name, reason in self.left_out.items()]

@@ -49,6 +49,41 @@ def _over_loop_length(fabric, law, resolution):
     return factors * fabric["loop_length"], spacings, reasons
 
 
+def rest_dataset(fabric, relaxed, error):
+    """Dataset of a FabricInput at rest; error: estimated relative error of its spacings.
+
+    A density that nobody stated is not a number.
+    """
+    lines = relaxed.centrelines
+    stated = {
+        f"stated_{name}": fabric[name] if fabric.is_stated(name) else np.nan
+        for name in ("wale_spacing", "course_spacing")
+    }
+    cell = relaxed.model.cell
+    return xr.Dataset(
+        {
+            "centreline": (("loop", "point", "axis"), lines),
+            "wale_spacing": relaxed.wale_spacing,
+            "course_spacing": relaxed.course_spacing,
+            **stated,
+            "loop_length": fabric["loop_length"],
+            "diameter": fabric.yarn["diameter"],
+            "kc": fabric["loop_length"] / relaxed.course_spacing,
+            "kw": fabric["loop_length"] / relaxed.wale_spacing,
+            "energy": ("term", relaxed.energy),
+            "residual": relaxed.residual,
+            "min_distance": relaxed.min_distance,
+            "crossings_intact": np.int8(relaxed.crossings_intact),
+            "iterations": relaxed.iterations,
+            "spacing_error": error,
+        },
+        {
+            **loop_coordinates(lines.shape[1], cell.wales, cell.courses),
+            "term": list(ENERGY_TERMS),
+        },
+    )
+
+
 def run(fabric, laws):
     """(dataset, timings) of a FabricInput; laws: TensionLaw of its yarn by form."""
     timings = Timings(STAGE, fabric.name)
@@ -60,35 +95,18 @@ def run(fabric, laws):
         relaxed, error = rest_to(relaxed, settings.accuracy)
     with timings.measure("relaxed density over loop length and set"):
         lengths, spacings, reasons = _over_loop_length(fabric, law, resolution)
-    lines = relaxed.centrelines
-    dataset = xr.Dataset(
+    compared = xr.Dataset(
         {
-            "centreline": (("loop", "point", "axis"), lines),
-            "wale_spacing": relaxed.wale_spacing,
-            "course_spacing": relaxed.course_spacing,
-            "stated_wale_spacing": fabric["wale_spacing"],
-            "stated_course_spacing": fabric["course_spacing"],
-            "loop_length": fabric["loop_length"],
-            "diameter": fabric.yarn["diameter"],
-            "kc": fabric["loop_length"] / relaxed.course_spacing,
-            "kw": fabric["loop_length"] / relaxed.wale_spacing,
-            "energy": ("term", relaxed.energy),
-            "residual": relaxed.residual,
-            "min_distance": relaxed.min_distance,
-            "crossings_intact": np.int8(relaxed.crossings_intact),
-            "iterations": relaxed.iterations,
-            "spacing_error": error,
             "compared_loop_length": ("compared", lengths),
             "compared_spacing": (("set", "compared", "spacing"), spacings),
         },
         {
-            **loop_coordinates(lines.shape[1]),
-            "term": list(ENERGY_TERMS),
             "set": list(test["set_compared"]),
             "compared": np.arange(lengths.size),
             "spacing": ["wale", "course"],
         },
     )
+    dataset = rest_dataset(fabric, relaxed, error).merge(compared)
     if test["fit_density"]:
         with timings.measure("loop length and set fitted to the stated density"):
             fit = fit_density(built, resolution)

@@ -162,6 +162,7 @@ VARIABLES = {
     # tension and bending
     "force_per_loop": Name("N", "derivative of one loop's energy by the spacing pulled"),
     "force_per_width": Name("N m-1", "force over the transverse spacing of the starting state"),
+    "transverse_force_per_width": Name("N m-1", "force across the pull over the starting spacing along it"),
     "moment_per_width": Name("N", "derivative of the energy per area at rest by the curvature"),
     "yarn_tension": Name("N", "tension of the yarn, mean over the loop"),
     "yarn_strain": Name("1", "strain of the yarn, mean over the loop"),

@@ -68,6 +68,28 @@ def describe(
     return dataset
 
 
+def with_attributes(dataset):
+    """A copy of ``dataset`` whose variables say their unit, meaning and flags, as the schema has them.
+
+    Raises ValueError for a name that the schema does not know.
+    """
+    dataset = dataset.copy(deep=False)
+    for name in dataset.variables:
+        table = COORDINATES if name in dataset.coords else VARIABLES
+        if name not in table:
+            raise ValueError(f"'{name}' is not in the result schema")
+        entry, variable = table[name], dataset[name].variable
+        attributes = {"long_name": entry.long_name}
+        if entry.units is not None:
+            attributes["units"] = entry.units
+        if entry.flags:
+            attributes["flag_values"] = np.arange(len(entry.flags), dtype=np.int8)
+            attributes["flag_meanings"] = " ".join(entry.flags)
+        # A new variable: attributes of the caller's dataset stay as they are.
+        dataset[name] = dataset[name].assign_attrs({**variable.attrs, **attributes})
+    return dataset
+
+
 def write(dataset, path):
     """Write an xarray Dataset to the netCDF file ``path``; whole or not at all.
 
@@ -76,19 +98,11 @@ def write(dataset, path):
     for needed in _NEEDED:
         if needed not in dataset.attrs:
             raise ValueError(f"{path}: attribute {needed} is missing")
-    dataset = dataset.copy(deep=False)
+    dataset = with_attributes(dataset)
     encoding = {}
     for name in dataset.variables:
-        table = COORDINATES if name in dataset.coords else VARIABLES
-        if name not in table:
-            raise ValueError(f"{path}: '{name}' is not in the result schema")
-        entry, variable = table[name], dataset[name].variable
-        attributes = {"long_name": entry.long_name}
-        if entry.units is not None:
-            attributes["units"] = entry.units
-        if entry.flags:
-            attributes["flag_values"] = np.arange(len(entry.flags), dtype=np.int8)
-            attributes["flag_meanings"] = " ".join(entry.flags)
+        entry = (COORDINATES if name in dataset.coords else VARIABLES)[name]
+        variable = dataset[name].variable
         own = encoding[name] = {"_FillValue": None}
         if entry.flags:
             own["dtype"] = "int8"
@@ -96,8 +110,6 @@ def write(dataset, path):
             own |= {"zlib": True, "complevel": 4, "shuffle": True}
             if entry.shape:
                 own |= {"significant_digits": SHAPE_DIGITS, "quantize_mode": "GranularBitRound"}
-        # A new variable: attributes of the caller's dataset stay as they are.
-        dataset[name] = dataset[name].assign_attrs({**variable.attrs, **attributes})
     with replacing(path) as partial:
         try:
             dataset.to_netcdf(partial, engine="netcdf4", encoding=encoding)
