@@ -35,7 +35,7 @@ def run(given, more):
     cores = given.cores or str(os.cpu_count() or 1)
     command = [
         sys.executable, "-m", "snakemake", "--snakefile", str(root() / "Snakefile"),
-        "--directory", str(target), "--cores", cores, *more,
+        "--directory", str(target), "--cores", cores, "--keep-going", *more,
         "--config", "study=.", f"results={given.results}",
     ]  # fmt: skip
     results = target / given.results

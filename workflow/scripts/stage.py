@@ -5,14 +5,12 @@ from knitsim.stages.job import absolute, job, kept_study
 with job(snakemake):
     from knitsim.stages.several import run
 
-    names, given, put = snakemake.wildcards, snakemake.input, snakemake.output
-    outputs = absolute(put.result if isinstance(put.result, list) else [put.result])
-    (timings, log), yarn = absolute([put.timings, snakemake.log[0]]), given.get("yarn")
+    names, put = snakemake.wildcards, snakemake.output
+    outputs = absolute(put.result if not isinstance(put.result, str) else [put.result])
+    timings, log = absolute([put.timings, snakemake.log[0]])
+    yarn = snakemake.input.get("yarn")
+    yarn = absolute([yarn])[0] if yarn else None
     with kept_study(snakemake) as study:
-        one = (
-            study.fabrics[names.fabric] if "fabric" in names.keys() else study.yarns[names.yarn]
-        )
-        run(
-            one, snakemake.params.tests, outputs, timings,
-            yarn=absolute([yarn])[0] if yarn else None, log=log,
-        )  # fmt: skip
+        of_yarn = "yarn" in names.keys()
+        given = study.yarns[names.yarn] if of_yarn else study.fabrics[names.fabric]
+        run(given, snakemake.params.tests, outputs, timings, yarn=yarn, log=log)
