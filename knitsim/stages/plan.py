@@ -156,7 +156,8 @@ class Plan:
                 for (plain, available), drawn in _grouped(keys).items():
                     figures = catalogue.drawable(group, of, available)
                     if figures:
-                        found.append(Drawing(group, of, figures, available, drawn, plain))
+                        number = sum(one.group == group for one in found)
+                        found.append(Drawing(group, of, figures, available, drawn, plain, number))
         return found
 
 
@@ -164,11 +165,12 @@ class Drawing:
     """The figures of one group of those yarns or fabrics that have the same files.
 
     group: of the catalogue; of: "yarn" or "fabric"; names: the yarns or fabrics; plain: of the first of
-    the study, whose figures carry the plain names.
+    the study, whose figures carry the plain names; number: of those of the group, from 0.
     """
 
-    def __init__(self, group, of, figures, available, names, plain):
+    def __init__(self, group, of, figures, available, names, plain, number):
         self.group, self.of, self.figures, self.names, self.plain = group, of, figures, names, plain
+        self.number = number
         used = {name for figure in figures for name in (*figure.needs, *figure.takes)}
         self.arguments = [name for name in available if name in used]
 

@@ -41,7 +41,7 @@ def write_summary(study, results, kes, path):
         kind, model = dataset.attrs["kind"], dataset.attrs["model"]
         if kind == "relaxed":
             for name in SPACINGS:
-                row[f"rest_{name}_mm"] = f"{1e3 * float(dataset[name]):.5g}"
+                row[f"rest_{name}_mm"] = f"{1e3 * float(dataset[name]):.4g}"
         if model == "equilibrium" and "numerical_error" in dataset and kind in ("tensile", "bending"):
             _worst(row, dataset)
         if kind == "tensile":

@@ -2,13 +2,13 @@
 
 # One rule for the yarns, or fabrics, that have the same files, since what can be drawn depends on them.
 # The first yarn and the first fabric carry the plain names.
-for number, drawing in enumerate(PLAN.drawings()):
+for drawing in PLAN.drawings():
     for name in drawing.names:
         FIGURES += map(results, drawing.outputs(name))
 
     rule:
         name:
-            f"figures_{drawing.group}_{drawing.of}_{number}"
+            f"figures_{drawing.group}{drawing.number or ''}"
         input:
             unpack(
                 lambda wildcards, drawing=drawing: {
