@@ -129,7 +129,7 @@ def _write_csv(results, file):
     frames = []
     for result in results:
         frame = result.to_dataframe()
-        kind = type(result).__name__.lower()
+        kind = getattr(result, "KIND", "rest")
         frame.insert(0, "test", f"{kind} {getattr(result, 'direction', '')}".strip())
         frames.append(frame)
     with replacing(file) as partial:

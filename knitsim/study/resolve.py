@@ -10,6 +10,8 @@ from knitsim.study.check import Points, Stated, shown
 from knitsim.study.keys import REQUIRED, Follows, Missing
 from knitsim.study.ledger import Assumption
 
+MOST_POINTS = 100_000  # of the sweep of one entry
+
 
 def expand(tree, where):
     """The points of the sweeps in a checked ``tree``: a list of (point, label, tree).
@@ -19,6 +21,11 @@ def expand(tree, where):
     get the same label.
     """
     swept = list(_swept(tree, ""))
+    number = math.prod(len(points.stated) for _, points in swept)
+    if number > MOST_POINTS:
+        raise InputError(
+            where, None, f"its lists make {number} combinations: must be at most {MOST_POINTS}"
+        )
     points, labels = [], {}
     for chosen in itertools.product(*(range(len(points.stated)) for _, points in swept)):
         point, parts, one = {}, [], tree

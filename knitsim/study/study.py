@@ -255,12 +255,17 @@ def _files(resolved, section):
         raise InputError(resolved.where(f"{section}.file{'s' * (one is not None)}"), None, right)
     found = []
     for file in several or [one]:
+        key = resolved.where(f"{section}.file{'s' * (one is None)}")
+        # What a study names lies in it, so that it can be sent, and shows no other file.
+        if resolved.file and (Path(file).is_absolute() or ".." in Path(file).parts):
+            raise InputError(
+                key, shown(file), "must lie in the study, named from there: without .. and not absolute"
+            )
         at = next(
             (folder / file for folder in resolved._folders if (folder / file).is_file()), None
         )
         if at is None:
             looked = ", ".join(dict.fromkeys(folder.as_posix() for folder in resolved._folders))
-            key = resolved.where(f"{section}.file{'s' * (one is None)}")
             raise InputError(key, shown(file), f"no such file in {looked}")
         found.append(at)
     return found
