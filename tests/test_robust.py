@@ -1,4 +1,4 @@
-"""What goes wrong from outside: files cut short, full disks, caches that cannot be written, edits meanwhile."""
+"""What goes wrong from outside: files cut short, full disks, damaged caches, edits meanwhile."""
 
 import errno
 import os
@@ -36,7 +36,9 @@ def python(code, **environment):
 # Input
 
 
-@pytest.mark.parametrize("kind", ["[*a, *a, *a, *a, *a, *a, *a, *a]", "{x: *a, y: *a, z: *a, u: *a}"])
+@pytest.mark.parametrize(
+    "kind", ["[*a, *a, *a, *a, *a, *a, *a, *a]", "{x: *a, y: *a, z: *a, u: *a}"]
+)
 def test_aliases_that_stand_for_billions_of_values_are_refused(tmp_path, kind):
     lines = ["a0: &b0 [1, 1, 1, 1, 1, 1, 1, 1]"]
     lines += [f"a{k}: &b{k} " + kind.replace("*a", f"*b{k - 1}") for k in range(1, 11)]
@@ -88,7 +90,7 @@ def test_a_name_with_a_newline_is_refused_in_one_line(tmp_path):
 
 def test_what_was_checked_is_what_is_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "curve.csv").write_text("# measured\n" + "strain,force_N\n0,0\n0.01,0.3\n0.02,0.6\n0.05,1.8\n")
+    (tmp_path / "curve.csv").write_text("strain,force_N\n0,0\n0.01,0.3\n0.02,0.6\n0.05,1.8\n")
     curve = "count_tex: 20\n  tension_curve: {file: curve.csv, kind: two_slope}"
     study_in(Path("deep/s"), lambda text: text.replace("count_tex: 20", curve), "yarns")
     (tmp_path / "work").mkdir()
@@ -130,11 +132,16 @@ class Fake:
     ("error", "why"),
     [
         (ComputationError("no equilibrium\nat 3 %"), "no equilibrium at 3 %"),
-        (InputError("loop length", 3.0, "must be at least 3.1"), "loop length = 3.0: must be at least 3.1"),
+        (
+            InputError("loop length", 3.0, "must be at least 3.1"),
+            "loop length = 3.0: must be at least 3.1",
+        ),
         (KeyError("x"), "a fault of the program, KeyError: 'x'"),
     ],
 )
-def test_a_test_that_fails_leaves_the_reason_and_the_others(tmp_path, monkeypatch, capsys, error, why):
+def test_a_test_that_fails_leaves_the_reason_and_the_others(
+    tmp_path, monkeypatch, capsys, error, why
+):
     fabric = load_study(SMALL).fabrics["small"]
     loop, failed = tmp_path / "loop.nc", tmp_path / "failed.nc"
     real = several.import_module
@@ -168,8 +175,12 @@ def test_what_is_no_fault_of_the_test_is_tried_again(tmp_path, monkeypatch):
 
 
 def dataset():
-    attributes = {name: "x" for name in (*LABELS, "title", "source_hash", "configuration", "assumptions")}
-    return xr.Dataset({"centreline": (("loop", "point", "axis"), [[[0.0] * 3] * 4000])}, attrs=attributes)
+    attributes = {
+        name: "x" for name in (*LABELS, "title", "source_hash", "configuration", "assumptions")
+    }
+    return xr.Dataset(
+        {"centreline": (("loop", "point", "axis"), [[[0.0] * 3] * 4000])}, attrs=attributes
+    )
 
 
 def test_a_file_that_is_cut_short_is_known(tmp_path):
@@ -199,7 +210,9 @@ def test_a_full_disk_is_said_in_one_line(tmp_path):
 
     with pytest.raises(SystemExit) as ended, job(fake_job(tmp_path)):
         broken()
-    assert str(ended.value) == "knitsim: results/a.nc: no space left on the disk; what is done is kept"
+    assert (
+        str(ended.value) == "knitsim: results/a.nc: no space left on the disk; what is done is kept"
+    )
     assert "Traceback" in (tmp_path / "logs/job.log").read_text()
 
 
@@ -272,7 +285,10 @@ def test_a_damaged_compiled_kernel_is_compiled_anew(tmp_path):
             "PYTHONPATH": str(ROOT), "KNITSIM_CACHE_DIR": str(tmp_path / "cache"),
         }  # fmt: skip
         done = subprocess.run(
-            [sys.executable, str(tmp_path / "kernel.py")], env=environment, capture_output=True, text=True
+            [sys.executable, str(tmp_path / "kernel.py")],
+            env=environment,
+            capture_output=True,
+            text=True,
         )
         assert done.stdout == "42.0\n", done.stderr
         return done.stderr

@@ -4,6 +4,7 @@ One run of the small study, with a sweep added to it, is shared by all tests (an
 pytest-xdist); tests that change anything work on a copy.
 """
 
+import hashlib
 import json
 import os
 import re
@@ -13,6 +14,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -115,7 +117,7 @@ class Project:
             path.relative_to(self.results).as_posix(): path.read_bytes()
             for path in sorted(self.results.glob(pattern))
             if path.is_file() and not path.name.startswith(".snakemake")
-            and "benchmark" not in path.parts and path.name not in ("timing.csv", "skipped.csv")
+            and "benchmark" not in path.parts and path.name != "timing.csv"
         }  # fmt: skip
 
     def copy(self, folder, sources=None):
@@ -196,13 +198,14 @@ def project(finished, tmp_path):
 
 def test_all_that_is_declared_is_made_and_nothing_else(finished, every_job):
     rules = {job.rule for job in every_job}
-    assert {"yarn", "loop", "kinematic_tension", "kinematic_bending", "tables"} <= rules
+    assert {"yarn", "kinematic", "equilibrium", "readings", "tables", "page"} <= rules
     declared = {finished.folder / output for job in every_job for output in job.outputs}
     assert all(path.exists() for path in declared)
-    logs = finished.results / "benchmark/logs"
+    # Logs, and the study as it was checked.
+    beside = {finished.results / "benchmark/logs", finished.results / "study"}
     for path in finished.results.rglob("*"):
         if path.is_file() and path.name != ".snakemake_timestamp":
-            inside = {path, *path.parents} & declared or logs in path.parents
+            inside = {path, *path.parents} & declared or beside & set(path.parents)
             assert inside, f"{path} is made by no rule"
             assert not path.name.startswith("."), f"{path} is left over"
             assert not path.name.endswith((".part", ".tmp"))
@@ -361,7 +364,7 @@ def test_a_changed_density_reruns_that_fabric_and_what_shows_it(project, every_j
     own = {
         job for job in every_job if job.wildcards.get("fabric") == "small" or job.rule == "skipping"
     }
-    assert {"loop", "kinematic_tension", "kinematic_bending"} <= {job.rule for job in own}
+    assert {"kinematic", "equilibrium"} <= {job.rule for job in own}
     assert planned == below(every_job, own)
     assert not any(job.rule == "yarn" or job.rule.startswith("compile") for job in planned)
     assert {job.wildcards.get("fabric", "small") for job in planned} == {"small"}
@@ -372,18 +375,14 @@ def test_a_new_point_of_a_sweep_runs_that_point_and_the_tables(project):
     project.edit(f"{STUDY}/fabrics.yaml", "[3.3, 3.35]", "[3.3, 3.35, 3.4]")
     planned = project.planned()
     new = {job for job in planned if any("bent_loop_length_mm=3.4" in path for path in job.outputs)}
-    assert {"loop", "kinematic_bending"} <= {job.rule for job in new}
-    assert {job.rule for job in planned - new} == {"tables"}
+    assert {"kinematic_2", "readings"} <= {job.rule for job in new}
+    assert {job.rule for job in planned - new} == {"tables", "page"}
 
 
 def test_a_changed_test_reruns_that_test_and_what_shows_it(project, every_job):
     project.edit(f"{STUDY}/scenes.yaml", "kinematic_bending: {steps: 4}", "kinematic_bending: {}")
-    own = {
-        job
-        for job in every_job
-        if job.rule == "kinematic_bending" and job.wildcards["fabric"] == "small"
-    }
-    assert len(own) == 2
+    own = {job for job in every_job if job.rule == "kinematic"}
+    assert len(own) == 1
     assert project.planned() == below(every_job, own)
 
 
@@ -422,18 +421,15 @@ def edited(moved):
 def test_an_edited_bending_kernel_reruns_bending_and_what_depends_on_it(edited, every_job):
     planned = edited("knitsim/kinematic/bending_kernels.py")
     # Kernels are compiled anew, and only the table of run times shows that.
-    own = {
-        job
-        for job in every_job
-        if job.rule.startswith(("kinematic_bending", "compile", "benchmark"))
-    }
+    own = {job for job in every_job if job.rule.startswith(("kinematic", "compile", "benchmark"))}
     assert planned == below(every_job, own)
-    assert {"kinematic_bending", "tables"} <= {job.rule for job in planned}
-    assert not {"kinematic_tension", "yarn", "loop"} & {job.rule for job in planned}
+    assert {"kinematic", "kinematic_2", "tables"} <= {job.rule for job in planned}
+    assert not {"equilibrium", "yarn", "yarn_to_fabric"} & {job.rule for job in planned}
 
 
 def test_an_edited_tension_model_reruns_tension_and_what_depends_on_it(edited, every_job):
-    own = {job for job in every_job if job.rule in ("kinematic_tension", *TIMED)}
+    # The fabrics of the sweep are bent only: theirs is another rule.
+    own = {job for job in every_job if job.rule in ("kinematic", *TIMED)}
     assert edited("knitsim/kinematic/tension.py") == below(every_job, own)
 
 
@@ -443,8 +439,8 @@ def test_an_edited_figure_module_reruns_figures_only(edited, every_job):
 
 
 def test_an_edited_script_reruns_its_rule(edited, every_job):
-    own = {job for job in every_job if job.rule == "kes"}
-    assert edited("workflow/scripts/kes.py") == below(every_job, own)
+    own = {job for job in every_job if job.rule == "readings"}
+    assert edited("workflow/scripts/readings.py") == below(every_job, own)
 
 
 # Interruptions
@@ -511,12 +507,12 @@ def test_kill_at_any_moment_then_resume(tmp_path, finished, moment):
 def test_terminate_then_plain_rerun_gives_the_same_bytes(project, finished):
     """All netCDF files anew, so that this is the second run that gives the same bytes."""
     targets = remove_results(project, ["*"])
-    loops = project.results / "loop"
+    yarns = project.results / "yarn"
     with project.start("-c2", *targets) as process:
-        wait_for(lambda: any(loops.glob("*.nc")), process)
+        wait_for(lambda: any(yarns.glob("*.nc")), process)
         process.terminate()
         assert process.wait(timeout=300) != 0
-    kept = {path: path.stat().st_mtime_ns for path in loops.glob("*.nc")}
+    kept = {path: path.stat().st_mtime_ns for path in yarns.glob("*.nc")}
     assert kept and set(project.files()) < set(finished.files())
     project.run("-c2", *targets)
     assert project.files() == finished.files()
@@ -617,20 +613,120 @@ def test_bad_arguments_are_refused_in_one_line(tmp_path):
     )
 
 
-def test_a_failed_job_says_where_and_why_and_leaves_the_others(project, finished):
-    # Friction far above the tension of the yarn: valid input of a test that cannot recover.
-    project.edit(
-        f"{STUDY}/scenes.yaml", "max_strain: 0.03",
-        "max_strain: 0.03, viscous_coefficient_N_s_per_m: 1.0e+8",
-    )  # fmt: skip
-    output = project.run("-c2", succeeds=False)
+def test_a_directory_named_by_a_number(tmp_path):
+    text = fresh(tmp_path).run("--dry-run", config=["results=2024"])
+    assert "    output: 2024/yarn/small.nc" in text
+
+
+# Friction far above the tension of the yarn: valid input of a test that cannot recover.
+STICKY = """
+sticky_yarn:
+  tensile_test: {steps: 5, max_strain: 0.03, viscous_coefficient_N_s_per_m: 1.0e+8}
+"""
+
+
+def test_a_yarn_that_fails_costs_no_other_anything(project, finished):
+    yarn = (project.folder / STUDY / "yarns.yaml").read_text().replace("small:", "sticky:")
+    fabric = (
+        SWEEP.replace("bent", "stuck", 1).replace("small", "sticky").replace("[3.3, 3.35]", "3.3")
+    )
+    for name, text in (
+        ("scenes", STICKY),
+        ("yarns", yarn.replace("quick_yarn", "sticky_yarn")),
+        ("fabrics", fabric),
+    ):
+        with (project.folder / STUDY / f"{name}.yaml").open("a") as file:
+            file.write(text)
+    output = project.run("-c2")
     said = [line for line in output.splitlines() if line.startswith("knitsim: ")]
-    assert len(said) == 1
-    assert "config/small/yarns.yaml: small" in said[0] and "friction" in said[0]
+    assert said[0].startswith("knitsim: config/small/yarns.yaml: sticky, yarn: stopped: ")
+    assert "friction" in said[0]
+    assert said[1].startswith(
+        "knitsim: config/small/fabrics.yaml: stuck, kinematic_bending course: stopped"
+    )
     assert "Traceback" not in output
-    log = (project.results / "benchmark/logs/yarn_small.log").read_text()
-    assert "ComputationError" in log and said[0].removeprefix("knitsim: ") in log
-    # No old result stands in for the failed one; those of the other jobs stay.
-    assert not (project.results / "yarn/small.nc").exists()
-    kept, before = project.files("**/*.nc"), finished.files("**/*.nc")
-    assert kept == {path: content for path, content in before.items() if path != "yarn/small.nc"}
+    log = (project.results / "benchmark/logs/yarn_sticky.log").read_text()
+    assert "ComputationError" in log
+    before, after = finished.files("**/*.nc"), project.files("**/*.nc")
+    assert {path: after[path] for path in before} == before
+    with xr.open_dataset(project.results / "yarn/sticky.nc") as yarn:
+        assert "friction" in yarn.attrs["stopped"]
+    table = (project.results / "tables/summary.csv").read_text()
+    assert "friction" in next(line for line in table.splitlines() if line.startswith("stuck"))
+    assert "Stopped: " in (project.results / "index.html").read_text()
+    assert project.planned() == set()
+
+
+def test_a_result_that_is_cut_short_is_made_again(project, finished, every_job):
+    path = project.results / "tensile/small/kinematic_course.nc"
+    path.write_bytes(path.read_bytes()[:2000])
+    own = {
+        job for job in every_job if job.rule == "kinematic" and "small" in job.wildcards.values()
+    }
+    assert project.planned() == below(every_job, own)
+    assert not path.exists()
+
+
+def test_the_study_that_was_checked_is_kept(finished):
+    (kept,) = (finished.results / "study").iterdir()
+    for name in ("yarns", "fabrics", "scenes"):
+        file = f"{STUDY}/{name}.yaml"
+        assert (kept / file).read_bytes() == (finished.folder / file).read_bytes()
+
+
+# The table at the end, and the page
+
+
+def test_a_run_ends_with_a_table(finished):
+    text = (finished.folder / "log.txt").read_text()
+    lines = text[text.index("fabric  ") :].splitlines()
+    assert "strain at 50" in lines[0]
+    assert any(line.startswith("small") for line in lines)
+    assert any(line.startswith(BENT[0]) for line in lines)
+    assert "page: results/index.html" in lines
+
+
+class Links(HTMLParser):
+    """What a page links to, what can be linked to in it, and what it loads."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.links, self.names, self.loaded = [], set(), []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        given = dict(attributes)
+        self.names.add(given.get("id"))
+        if tag == "a":
+            self.links.append(given["href"])
+        self.loaded += [given[name] for name in ("src", "srcset") if name in given]
+        assert tag not in ("link", "script", "iframe")
+
+
+def test_the_page_is_whole_by_itself_and_its_links_lead_somewhere(finished):
+    page = Links((finished.results / "index.html").read_text(encoding="utf-8"))
+    assert len(page.links) > 50 and len(page.loaded) > 10
+    assert all(source.startswith("data:image/webp;base64,") for source in page.loaded)
+    for link in page.links:
+        if link.startswith("#"):
+            assert link[1:] in page.names, link
+        else:
+            assert (finished.results / link).is_file(), link
+    # What is behind each picture is one click away.
+    for kind in ("png", "svg", "nc", "csv"):
+        assert any(link.endswith(f".{kind}") for link in page.links)
+
+
+def test_the_page_tells_the_hash_of_each_file(finished):
+    text = (finished.results / "index.html").read_text(encoding="utf-8")
+    files = [*finished.results.glob("*/**/*.nc"), finished.results / "tables/kes.csv"]
+    assert len(files) > 10
+    for path in files:
+        assert hashlib.sha256(path.read_bytes()).hexdigest()[:16] in text, path
+
+
+def test_every_rule_says_what_it_needs_and_none_counts_the_cores():
+    for path in (ROOT / "workflow/rules").glob("*.smk"):
+        text = path.read_text()
+        assert "workflow.cores" not in text
+        assert text.count("script:") == text.count("mem_mb=") == text.count("runtime="), path

@@ -24,7 +24,9 @@ def fabric_options(parser):
         "--pull course=0.3 --bend wale.  Every other key of config/README.md: --yarn KEY=VALUE, "
         "--fabric KEY=VALUE.  What is not stated is assumed, and said so."
     )
-    parser.add_argument("--count", metavar="30/1 or Ne=30", required=True, help="Ne, Nm, tex, dtex, den")
+    parser.add_argument(
+        "--count", metavar="30/1 or Ne=30", required=True, help="Ne, Nm, tex, dtex, den"
+    )
     for name, about in (*YARN.items(), *FABRIC.items()):
         parser.add_argument(_flag(name), metavar="VALUE", help=about or None, dest=name)
     parser.add_argument("--yarn", action="append", default=[], metavar="KEY=VALUE")
@@ -83,7 +85,9 @@ def _count(text):
 
 
 def _keys(given, names, more):
-    found = {name: _value(getattr(given, name)) for name in names if getattr(given, name) is not None}
+    found = {
+        name: _value(getattr(given, name)) for name in names if getattr(given, name) is not None
+    }
     for text in more:
         name, sign, value = text.partition("=")
         if not sign:
@@ -142,7 +146,9 @@ def _draw(results, file):
     from knitsim.files import replacing
 
     with style.context():
-        fig, axes = style.figure(height_mm=70.0, columns=min(3, len(results)), rows=-(-len(results) // 3))
+        fig, axes = style.figure(
+            height_mm=70.0, columns=min(3, len(results)), rows=-(-len(results) // 3)
+        )
         for result, ax in zip(results, axes.flat, strict=False):
             result.plot(ax)
         for ax in axes.flat[len(results) :]:

@@ -23,8 +23,12 @@ def run_options(parser):
     """Options of ``knitsim run``."""
     parser.add_argument("directory", metavar="DIR", nargs="?", default=".")
     parser.add_argument("--results", default="results", help="below DIR, unless absolute")
-    parser.add_argument("-c", "--cores", default=None, help="jobs side by side; all cores by default")
-    parser.epilog = "Other options go to snakemake: -n shows what would be made, --forceall makes it anew."
+    parser.add_argument(
+        "-c", "--cores", default=None, help="jobs side by side; all cores by default"
+    )
+    parser.epilog = (
+        "Other options go to snakemake: -n shows what would be made, --forceall makes it anew."
+    )
 
 
 def run(given, more):

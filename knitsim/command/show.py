@@ -76,7 +76,9 @@ def lines_of(rows, results, width=110):
             for one in filter(None, why.split("; ")):
                 lines += wrap(f"{row['fabric']}: {name}: {one}", width, subsequent_indent="    ")
     files = {"page": "index.html", "tables": "tables/", "figures": "figures/"}
-    lines += [f"{name}: {results / file}" for name, file in files.items() if (results / file).exists()]
+    lines += [
+        f"{name}: {results / file}" for name, file in files.items() if (results / file).exists()
+    ]
     return lines
 
 

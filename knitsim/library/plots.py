@@ -8,7 +8,7 @@ import numpy as np
 
 from knitsim.equilibrium.result import LOADING
 from knitsim.figures.style import COLOURS, LINES
-from knitsim.library.curves import BiaxiallyPulled, Bent, Pulled, Sheared, Tested
+from knitsim.library.curves import Bent, BiaxiallyPulled, Pulled, Sheared, Tested
 from knitsim.library.rest import Rest
 from knitsim.units import from_si
 

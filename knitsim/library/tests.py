@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 from knitsim.errors import InputError
-from knitsim.library.curves import BiaxiallyPulled, Bent, Pulled, Sheared
+from knitsim.library.curves import Bent, BiaxiallyPulled, Pulled, Sheared
 from knitsim.library.rest import Rest, relax
 from knitsim.study.check import check_value
 from knitsim.study.schema import SCENE

@@ -27,7 +27,9 @@ def job(snakemake):
         with suppress(OSError):  # on a full disk there is no log
             log.write_text(traceback.format_exc())
         if full_disk(error):
-            sys.exit(f"knitsim: {snakemake.output[0]}: no space left on the disk; what is done is kept")
+            sys.exit(
+                f"knitsim: {snakemake.output[0]}: no space left on the disk; what is done is kept"
+            )
         if isinstance(error, (InputError, ComputationError)):
             sys.exit(f"knitsim: {error}")
         if isinstance(error, OSError):

@@ -12,6 +12,7 @@ from PIL import Image
 import knitsim
 from knitsim import units
 from knitsim.figures import catalogue
+from knitsim.files import replacing
 from knitsim.store.reader import attributes
 from knitsim.store.results import DIRECTIONS
 from knitsim.study.measured_checks import names_of
@@ -28,12 +29,9 @@ PARAMETERS = {
 }  # fmt: skip
 
 
-def write_page(study, path, results=None):
+def write_page(study, path):
     """Write the page of a Study whose results lie in the directory of ``path``."""
-    from knitsim.files import replacing
-
-    root = Path(path).parent if results is None else Path(results)
-    content = page_of(study, root)
+    content = page_of(study, Path(path).parent)
     with replacing(path) as partial:
         partial.write_text(content, encoding="utf-8")
 
@@ -46,7 +44,8 @@ def page_of(study, root):
     )
     rows = {name: _rows(root / f"tables/{name}.csv") for name in ("summary", "kes", "curl")}
     pictures = _pictures(study, root)
-    embedded = set(sorted(pictures, key=lambda p: (FIRST not in p, list(pictures).index(p)))[:MOST_EMBEDDED])
+    # A stable sort: the first figure of each fabric, then the others in their order.
+    embedded = set(sorted(pictures, key=lambda png: FIRST not in png)[:MOST_EMBEDDED])
     return environment.get_template("page.html").render(
         version=knitsim.__version__,
         summary=rows["summary"],
@@ -57,7 +56,9 @@ def page_of(study, root):
                 "yarn": fabric.yarn.name,
                 "yarn_inputs": _inputs(fabric.yarn),
                 "kes": _kes(rows["kes"], name),
-                "curl": [r for r in rows["curl"] if r["fabric"] == name and r["model"] == "equilibrium"],
+                "curl": [
+                    r for r in rows["curl"] if r["fabric"] == name and r["model"] == "equilibrium"
+                ],
                 "notes": _notes(rows["summary"], name),
             }
             for name, fabric in study.fabrics.items()
@@ -145,7 +146,9 @@ def _kes(rows, fabric):
                     "units": next((r["kes_units"] for r in cells.values() if r["kes_units"]), ""),
                     "definition": one["definition"],
                     "condition": f"{test}, {condition}".rstrip(", "),
-                    "left_out": "; ".join(dict.fromkeys(r["left_out"] for r in cells.values() if r["left_out"])),
+                    "left_out": "; ".join(
+                        dict.fromkeys(filter(None, (r["left_out"] for r in cells.values())))
+                    ),
                     **{d: _number(r["kes_value"]) if r else "" for d, r in given.items()},
                 }
             )
@@ -160,7 +163,8 @@ def _notes(rows, fabric):
     row = next((r for r in rows if r["fabric"] == fabric), None)
     if row is None:
         return []
-    return [f"{name}: {row[key]}" for key, name in (("stopped", "Stopped"), ("left_out", "Not read")) if row[key]]
+    kinds = (("stopped", "Stopped"), ("left_out", "Not read"))
+    return [f"{name}: {row[key]}" for key, name in kinds if row[key]]
 
 
 def _pictures(study, root):
@@ -184,11 +188,10 @@ def _pictures(study, root):
 
 def _behind(figure, subject, root):
     """The result files that a figure is drawn from."""
-    files = catalogue.files_of(figure.of, subject) if subject else {"verification": "verification/cases.nc"}
+    files = catalogue.files_of(figure.of, subject)
     found = []
     for name in (*figure.needs, *figure.takes):
-        pattern = files.get(name, "").replace("{calibration}", "*")
-        found += [file.relative_to(root).as_posix() for file in sorted(root.glob(pattern))] if pattern else []
+        found += _files(root, files[name].replace("{calibration}", "*"))
     return list(dict.fromkeys(found))
 
 

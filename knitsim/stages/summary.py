@@ -42,7 +42,11 @@ def write_summary(study, results, kes, path):
         if kind == "relaxed":
             for name in SPACINGS:
                 row[f"rest_{name}_mm"] = f"{1e3 * float(dataset[name]):.4g}"
-        if model == "equilibrium" and "numerical_error" in dataset and kind in ("tensile", "bending"):
+        if (
+            model == "equilibrium"
+            and "numerical_error" in dataset
+            and kind in ("tensile", "bending")
+        ):
             _worst(row, dataset)
         if kind == "tensile":
             _largest(row, dataset)

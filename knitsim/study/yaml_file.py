@@ -72,7 +72,9 @@ class _Reader:
         if depth > _DEEPEST:
             raise InputError(where, None, "is nested too deeply")
         if self.read > _MOST:
-            raise InputError(where, None, f"holds more than {_MOST} values, aliases (*name) counted out")
+            raise InputError(
+                where, None, f"holds more than {_MOST} values, aliases (*name) counted out"
+            )
         if node.tag not in _CORE_TAGS:
             raise InputError(where, node.tag, "YAML tags are not used here")
         if isinstance(node, yaml.ScalarNode):
