@@ -103,6 +103,7 @@ def test_what_was_checked_is_what_is_run(tmp_path, monkeypatch):
     Path("results/study/of an earlier run").mkdir(parents=True)
     kept.keep(contents, folder, "results/study", "abc")
     assert [path.name for path in Path("results/study").iterdir()] == ["abc"]
+    assert kept.running("results/study") == folder and kept.running("nowhere") is None
     file = Path("../deep/s/fabrics.yaml")
     file.write_text(file.read_text().replace("3.3", "3.5"))
     Path("../deep/curve.csv").write_text("gone\n")

@@ -9,10 +9,28 @@ from pathlib import Path
 from knitsim.files import replacing
 
 
+UP = "@up"  # a directory for each .. that the paths begin with
+
+
 def folder_of(study, root, digest):
     """The directory from which the paths of a Study's files lead to the kept ones."""
     up = max((_relative(file).parts.count("..") for file in study.files), default=0)
-    return Path(root).absolute() / digest / Path(*["up"] * up)
+    return Path(root).absolute() / digest / Path(*[UP] * up)
+
+
+def stamps(study):
+    """What changes when a file of the directory ``study`` is edited."""
+    found = (path.stat() for path in sorted(Path(study).glob("*.yaml")))
+    return [(one.st_mtime_ns, one.st_size, one.st_ino) for one in found]
+
+
+def running(root):
+    """That directory of the run that is under way, or None."""
+    for folder in Path(root).absolute().glob("*"):
+        while (folder / UP).is_dir():
+            folder = folder / UP
+        return folder
+    return None
 
 
 def _relative(file):

@@ -5,6 +5,7 @@ import os
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 from knitsim.command import show
 from knitsim.errors import InputError
@@ -12,6 +13,7 @@ from knitsim.figures import catalogue
 from knitsim.files import cache_root, is_whole
 from knitsim.provenance import kernel_hash, source_hash
 from knitsim.stages.compile import marker
+from knitsim.stages.job import kept_study
 from knitsim.stages.plan import JOBS, KES_KINDS, Plan, digest_of
 from knitsim.stages.plan import path as plan_path
 from knitsim.store.results import RESULTS, path_of
@@ -48,12 +50,12 @@ if Path(config["study"]).is_absolute():
 def read_study():
     """(study, content of its files by path, their hash), all as they were at one moment."""
     while True:
+        before = kept.stamps(config["study"])
         study = load_study(config["study"])
-        before = {file: file.read_bytes() for file in study.files}
-        digest = digest_of([[str(f), hashlib.sha256(c).hexdigest()] for f, c in before.items()])
-        study = load_study(config["study"])
-        if before == {file: file.read_bytes() for file in study.files}:
-            return study, before, digest
+        contents = {file: file.read_bytes() for file in study.files}
+        if before == kept.stamps(config["study"]):
+            hashes = [[str(f), hashlib.sha256(c).hexdigest()] for f, c in contents.items()]
+            return study, contents, digest_of(hashes)
 
 
 def checked(study, digest):
@@ -71,20 +73,18 @@ def checked(study, digest):
     return study
 
 
+KEPT = STORE / "study"
+# A job on another machine reads this file again: it goes by what the run has kept.
+running = None if workflow.is_main_process else kept.running(KEPT)
 try:
-    STUDY, CONTENTS, DIGEST = read_study()
-    KEPT = STORE / "study"
-    # A job on another machine reads this file again: it goes by what the run has kept.
-    if not workflow.is_main_process and (running := list(KEPT.glob("*"))):
-        DIGEST = running[0].name
-    config["kept"] = str(kept.folder_of(STUDY, KEPT, DIGEST))
-    if not workflow.is_main_process and Path(config["kept"]).is_dir():
-        here = Path.cwd()
-        os.chdir(config["kept"])
-        STUDY = load_study(config["study"])
-        os.chdir(here)
-    else:
+    if running is None:
+        STUDY, CONTENTS, DIGEST = read_study()
+        config["kept"] = str(kept.folder_of(STUDY, KEPT, DIGEST))
         checked(STUDY, DIGEST)
+    else:
+        config["kept"] = str(running)
+        with kept_study(SimpleNamespace(config=config)) as STUDY:
+            pass
 except InputError as error:
     sys.exit(f"knitsim: {error}")
 
