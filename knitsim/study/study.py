@@ -43,6 +43,7 @@ class Yarn(Resolved):
     """
 
     section = YARN
+    parts = ("scene",)
 
     def __init__(self, *, name: str = "yarn", **keys: Any) -> None:
         tree = stated_tree(YARN, keys, name)
@@ -86,9 +87,6 @@ class Yarn(Resolved):
     def assumptions(self):
         return super().assumptions() + _below("scene", self.scene)
 
-    def with_value(self, path, value):
-        return _with_value(self, super().with_value, ("scene",), path, value)
-
     def as_dict(self):
         """Name, SI values and scene as plain JSON types."""
         return {
@@ -123,6 +121,7 @@ class Fabric(Resolved):
     """
 
     section = FABRIC
+    parts = ("yarn", "scene")
 
     def __init__(self, yarn: Yarn, *, name: str = "fabric", **keys: Any) -> None:
         if not isinstance(yarn, Yarn):
@@ -190,9 +189,6 @@ class Fabric(Resolved):
             + _below("scene", self.scene)
         )
 
-    def with_value(self, path, value):
-        return _with_value(self, super().with_value, ("yarn", "scene"), path, value)
-
     def as_dict(self):
         """Name, SI values, yarn and scene as plain JSON types."""
         return {
@@ -227,18 +223,6 @@ def _config(resolved, stages):
         "tests": resolved.scene._part(stages),
         "assumed": [row.as_dict() for row in rows if stages.intersection(row.stages)],
     }
-
-
-def _with_value(resolved, own, parts, path, value):
-    """with_value of an object that refers to others by the attributes ``parts``."""
-    first, _, rest = path.partition(".")
-    if first not in parts or not rest:
-        return own(path, value)
-    other = copy.copy(resolved)
-    setattr(other, first, getattr(resolved, first).with_value(rest, value))
-    other._resolve(other._tree)
-    other._check()
-    return other
 
 
 def _files(resolved, section):
