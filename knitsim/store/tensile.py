@@ -2,6 +2,7 @@
 
 import numpy as np
 import xarray as xr
+from scipy.interpolate import CubicSpline
 
 from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES
 
@@ -9,14 +10,33 @@ SMALLEST_OF_LARGEST = 0.01  # numerical_error is relative to no less than that o
 
 
 def stack_variants(datasets):
-    """Datasets of one test, by the name of their variant, along the labelled dimension ``variant``."""
+    """Datasets of one test, by the name of their variant, along the labelled dimension ``variant``.
+
+    Where they were solved with different numbers of points, all centre lines get those of the finest, by
+    cubic splines.
+    """
+    points = max((one.sizes.get("point", 0) for one in datasets.values()), default=0)
     return xr.concat(
-        list(datasets.values()),
+        [_with_points(one, points) for one in datasets.values()],
         dim=xr.DataArray(list(datasets), dims="variant", name="variant"),
         coords="different",
         compat="equals",
         join="exact",
     )
+
+
+def _with_points(dataset, points):
+    own = dataset.sizes.get("point", 0)
+    if own == points:
+        return dataset
+    lines = dataset["centreline"].values
+    drawn = np.full((*lines.shape[:2], points, lines.shape[3]), np.nan)
+    held = np.isfinite(lines).all(axis=(1, 2, 3))  # the rows that were reached
+    if held.any():
+        spline = CubicSpline(np.arange(own), lines[held], axis=2)
+        drawn[held] = spline(np.linspace(0.0, own - 1.0, points))
+    finer = dataset.drop_dims("point").assign_coords(point=np.arange(points))
+    return finer.assign(centreline=(dataset["centreline"].dims, drawn))
 
 
 def test_dataset(along, values, recovery, variables, *, stretch_energy):

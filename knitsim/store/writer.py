@@ -1,7 +1,10 @@
 """Writing result files: names checked against the schema, the same input to the same bytes."""
 
+import errno
 import hashlib
 import json
+import os
+import shutil
 
 import numpy as np
 
@@ -20,6 +23,7 @@ from knitsim.store.schema import (
 # Shapes are rounded to seven significant digits (below 1 nm on a loop): files 3 times smaller.
 SHAPE_DIGITS = 7
 LICENSE = "that of whoever ran the study; knitsim (BSD-3-Clause) claims no right in results"
+_SPARE = 2**20  # bytes that a file takes beyond its numbers, at most
 _NEEDED = (*LABELS, "title", "source_hash", "configuration", "assumptions")
 
 
@@ -111,4 +115,10 @@ def write(dataset, path):
             if entry.shape:
                 own |= {"significant_digits": SHAPE_DIGITS, "quantize_mode": "GranularBitRound"}
     with replacing(path) as partial:
-        dataset.to_netcdf(partial, engine="netcdf4", encoding=encoding)
+        try:
+            dataset.to_netcdf(partial, engine="netcdf4", encoding=encoding)
+        except (OSError, RuntimeError) as error:
+            # HDF5 does not say why; a full disk is by far the likeliest.
+            if shutil.disk_usage(partial.parent).free < dataset.nbytes + _SPARE:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path)) from error
+            raise

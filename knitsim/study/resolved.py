@@ -74,6 +74,10 @@ class Resolved:
         value = units.from_si(self[quantity], key.unit) if key.unit else self[quantity]
         return self.where(".".join([*sections, key.name])), f"{value:.6g}"
 
+    def states(self, key):
+        """Whether the entry gives a value for the key at its top."""
+        return key in self._tree
+
     def assumptions(self):
         """The ledger rows (Assumption) of this object and of what it refers to."""
         return list(self._rows)

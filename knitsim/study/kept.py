@@ -1,0 +1,31 @@
+"""The files of a study, kept beside the results: what was checked is what is run, whatever is edited
+meanwhile.
+"""
+
+import os
+import shutil
+from pathlib import Path
+
+from knitsim.files import replacing
+
+
+def folder_of(study, root, digest):
+    """The directory from which the paths of a Study's files lead to the kept ones."""
+    up = max((_relative(file).parts.count("..") for file in study.files), default=0)
+    return Path(root).absolute() / digest / Path(*["up"] * up)
+
+
+def _relative(file):
+    return Path(os.path.relpath(file))
+
+
+def keep(contents, folder, root, digest):
+    """Write ``contents`` {path: bytes} to be found from ``folder``; what ``root`` kept before goes."""
+    root = Path(root)
+    for old in root.iterdir() if root.is_dir() else ():
+        if old.name != digest:
+            shutil.rmtree(old, ignore_errors=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, content in contents.items():
+        with replacing(Path(os.path.normpath(folder / _relative(file)))) as partial:
+            partial.write_bytes(content)
