@@ -73,7 +73,7 @@ def test_fibres_that_just_touch_are_allowed_and_thicker_ones_are_not():
     with pytest.raises(InputError) as refused:
         pack(72, 1e-3, 1.001 * room, where="yarns.yaml: thick")
     message = str(refused.value)
-    assert message.startswith("yarns.yaml: thick.fibre_diameter = ")
+    assert message.startswith("yarns.yaml: thick.diameter_mm = ")
     assert "\n" not in message
     # The limits that the message names do fit, and nothing beyond them.
     thinner = float(message.rsplit("at most ", 1)[1].split()[0])
@@ -101,7 +101,7 @@ def test_counts_out_of_range_are_refused(fibres):
 def test_sizes_out_of_range_are_refused(size):
     with pytest.raises(InputError, match=r"yarn\.diameter"):
         pack(7, size)
-    with pytest.raises(InputError, match=r"yarn\.fibre_diameter"):
+    with pytest.raises(InputError, match=r"yarn\.diameter_mm"):
         pack(7, 1e-3, size)
 
 

@@ -37,7 +37,7 @@ class Rest(Result):
         """The state that a test starts from; changes: keywords of the solver's fabric."""
         key = tuple(sorted(changes.items()))
         if key not in self._starts:
-            with named_by_key(self.fabric):
+            with named_by_key(self.fabric, self.law):
                 built = solver_fabric(self.fabric, self.law, **changes)
                 self._starts[key] = solve(built, self._settings.resolution)
         return self._starts[key]

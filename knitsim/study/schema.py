@@ -57,8 +57,9 @@ def closure(stage):
 
 
 def twist_rule(yarn):
-    """3.2 sqrt(Ne) turns per inch."""
-    return units.twist_from_multiplier(yarn["linear_density"], 3.2)
+    """3.2 sqrt(Ne) turns per inch, at most 45 degrees at the surface."""
+    usual = units.twist_from_multiplier(yarn["linear_density"], 3.2)
+    return min(usual, 1.0 / (math.pi * yarn["diameter"]))
 
 
 def section_spacing_rule(yarn):
@@ -167,7 +168,7 @@ YARN = Section(
         Key("count", "linear_density", "count", "Yarn count as the trade writes it, with its unit: 30/1, "
             "30/2 Ne, 2/28 Nm (plies), 150/48 den (filaments), Ne=30.", unit="tex", allowed="(0, 1e5]"),
         Key("fibres", "fibres", "integer", "Fibres (filaments) in the cross-section; 1 is a monofilament. "
-            "500 at most where fibres are drawn.", allowed="[1, 100000]", default=fibres_rule,
+            "1000 at most where fibres are drawn.", allowed="[1, 100000]", default=fibres_rule,
             plausible=(0.5, 2.0), stages=COUNT,
             because="not stated; fibres of 1.7 dtex, those of cotton and staple polyester 1.2 to 3"),
         Key("density_g_per_cm3", "density", "number", "Density of the fibre.", unit="g_per_cm3",
