@@ -41,7 +41,6 @@ _HOME = {
     "Yarn": "study.study",
     "Fabric": "study.study",
     "relax": "library.rest",
-    "Rest": "library.rest",
     "pull": "library.tests",
     "bend": "library.tests",
     "shear": "library.tests",

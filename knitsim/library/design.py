@@ -35,7 +35,10 @@ class Design:
 
 
 def design_of(
-    varied: Mapping[str, Any], table: str | Path | pd.DataFrame | None, samples: int | None, seed: int
+    varied: Mapping[str, Any],
+    table: str | Path | pd.DataFrame | None,
+    samples: int | None,
+    seed: int,
 ) -> Design:
     """The :class:`Design` that the arguments of :func:`knitsim.sweep` describe.  Raises InputError."""
     if table is not None:
@@ -43,15 +46,21 @@ def design_of(
             raise InputError("sweep.table", None, "stands alone: its columns are what varies")
         return _of_table(table)
     if not varied:
-        raise InputError("sweep", None, "needs lists of values, such as loop_length_mm=[2.8, 2.9], or a table")
+        raise InputError(
+            "sweep", None, "needs lists of values (loop_length_mm=[2.8, 2.9]) or a table"
+        )
     keys = {_path(name): _key(name) for name in varied}
     columns = {_path(name): _values(name, values) for name, values in varied.items()}
     if samples is not None:
         return _hypercube(keys, columns, samples, seed)
     count = int(np.prod([float(len(values)) for values in columns.values()]))
     if count > MOST:
-        raise InputError("sweep", count, f"fabrics: must be at most {MOST}; take samples=NUMBER of ranges")
-    changes = [dict(zip(columns, chosen, strict=True)) for chosen in itertools.product(*columns.values())]
+        raise InputError(
+            "sweep", count, f"fabrics: must be at most {MOST}; take samples=NUMBER of ranges"
+        )
+    changes = [
+        dict(zip(columns, chosen, strict=True)) for chosen in itertools.product(*columns.values())
+    ]
     return Design(tuple(_name(one) for one in changes), tuple(changes), keys)
 
 
@@ -63,12 +72,13 @@ def _path(name: str) -> str:
 
 
 def _key(name: str) -> Key:
-    section, parts = FABRIC, _path(name).split(".")
+    section: Any = FABRIC
+    parts = _path(name).split(".")
     if parts[0] == "yarn" and len(parts) > 1:
         section, parts = YARN, parts[1:]
     for part in parts[:-1]:
         section = section.section(part) if section is not None else None
-    key = section.key(parts[-1]) if section is not None else None
+    key: Key | None = section.key(parts[-1]) if section is not None else None
     if key is None or parts[-1] in _NOT_VARIED:
         from difflib import get_close_matches
 
@@ -80,21 +90,33 @@ def _key(name: str) -> Key:
 
 
 def _values(name: str, values: Any) -> list[Any]:
-    if isinstance(values, (str, bytes)) or not isinstance(values, (Sequence, np.ndarray, pd.Series)):
-        raise InputError(f"sweep.{name}", values, "must be a list of values; one value belongs to the fabric")
-    found = np.asarray(values).tolist() if isinstance(values, (np.ndarray, pd.Series)) else list(values)
+    if isinstance(values, (str, bytes)) or not isinstance(
+        values, (Sequence, np.ndarray, pd.Series)
+    ):
+        raise InputError(
+            f"sweep.{name}", values, "must be a list of values; one value belongs to the fabric"
+        )
+    found = (
+        np.asarray(values).tolist() if isinstance(values, (np.ndarray, pd.Series)) else list(values)
+    )
     if not found:
         raise InputError(f"sweep.{name}", "[]", "must hold at least one value")
     return found
 
 
-def _hypercube(keys: dict[str, Key], columns: dict[str, list[Any]], samples: int, seed: int) -> Design:
+def _hypercube(
+    keys: dict[str, Key], columns: dict[str, list[Any]], samples: int, seed: int
+) -> Design:
     if isinstance(samples, bool) or not isinstance(samples, int) or not 1 <= samples <= MOST:
         raise InputError("sweep.samples", samples, f"must be a whole number from 1 to {MOST}")
     for path, ends in columns.items():
-        numbers = all(isinstance(end, (int, float)) for end in ends)
-        if keys[path].kind not in ("number", "count") or len(ends) != 2 or not numbers or not ends[0] < ends[1]:
-            raise InputError(f"sweep.{path}", ends, "must be lowest and highest of a number, with samples")
+        number = keys[path].kind in ("number", "count") and all(
+            isinstance(e, (int, float)) for e in ends
+        )
+        if not (number and len(ends) == 2 and ends[0] < ends[1]):
+            raise InputError(
+                f"sweep.{path}", ends, "must be lowest and highest of a number, with samples"
+            )
     low, high = np.array(list(columns.values()), dtype=float).T
     unit = qmc.LatinHypercube(len(columns), rng=np.random.default_rng(seed)).random(samples)
     rows = low + unit * (high - low)
@@ -110,7 +132,9 @@ def _of_table(table: str | Path | pd.DataFrame) -> Design:
         where = str(table)
         if not Path(table).is_file():
             raise InputError(where, None, "no such file")
-        table = pd.read_csv(table, sep=None, engine="python", dtype=str, encoding="utf-8-sig", comment="#")
+        table = pd.read_csv(
+            table, sep=None, engine="python", dtype=str, encoding="utf-8-sig", comment="#"
+        )
     if not len(table):
         raise InputError(where, None, "must hold one row at least, below the names of the keys")
     named = next((name for name in NAME_COLUMNS if name in table), None)
@@ -141,5 +165,7 @@ def _cell(value: Any) -> Any:
 
 
 def _name(changes: Mapping[str, Any]) -> str:
-    parts = [f"{path.rsplit('.', 1)[-1]}={value_label(value, 0)}" for path, value in changes.items()]
+    parts = [
+        f"{path.rsplit('.', 1)[-1]}={value_label(value, 0)}" for path, value in changes.items()
+    ]
     return ",".join(parts)

@@ -10,8 +10,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from knitsim.errors import InputError
-from knitsim.inference.calibrate import Parameter, Problem, fit
 from knitsim.inference.calibrate import Calibration as Fit
+from knitsim.inference.calibrate import Parameter, Problem, fit
 from knitsim.inference.predict import Predictor
 from knitsim.library.plots import axes_for
 from knitsim.measured.test import MeasuredTest
@@ -43,7 +43,9 @@ class Calibration:
     def to_dataframe(self) -> pd.DataFrame:
         """One row a parameter: value, low and high (95 %), in the unit of its key."""
         rows = []
-        for name, *values in zip(self.fit.names, self.fit.values, self.fit.low, self.fit.high, strict=True):
+        for name, *values in zip(
+            self.fit.names, self.fit.values, self.fit.low, self.fit.high, strict=True
+        ):
             unit = PARAMETERS[name].unit
             numbers = [from_si(one, unit) if unit else one for one in values]
             about = dict(zip(("value", "low", "high"), map(float, numbers), strict=True))
@@ -85,20 +87,26 @@ class Prediction:
         """Draw the predicted curve and its band; the matplotlib axes (new ones without ``ax``)."""
         from knitsim.figures.style import COLOURS
 
-        axes, band = axes_for(ax), {"color": COLOURS[self.direction], "alpha": 0.25, "linewidth": 0.0}
-        line = {"color": COLOURS[self.direction], "label": "predicted", **options}
+        axes = axes_for(ax)
+        band: dict[str, Any] = {"color": COLOURS[self.direction], "alpha": 0.25, "linewidth": 0.0}
+        line: dict[str, Any] = {"color": COLOURS[self.direction], "label": "predicted", **options}
         low, high = self["low"], self["high"]
         if self._y == "strain":
             force = from_si(self["force_per_width"], "gf_per_cm")
             axes.plot(100 * self["strain"], force, **line)
             axes.fill_betweenx(force, 100 * low, 100 * high, label="band", **band)
-            axes.set(xlabel=f"Strain along the {self.direction} (%)", ylabel="Force per width (gf/cm)")
+            axes.set(
+                xlabel=f"Strain along the {self.direction} (%)", ylabel="Force per width (gf/cm)"
+            )
         else:
             at = from_si(self["curvature"], "per_cm")
             moment, low, high = (from_si(one, "gf") for one in (self[self._y], low, high))
             axes.plot(at, moment, **line)
             axes.fill_between(at, low, high, label="band", **band)
-            axes.set(xlabel="Curvature (1/cm), face convex positive", ylabel="Change of moment (gf cm/cm)")
+            axes.set(
+                xlabel="Curvature (1/cm), face convex positive",
+                ylabel="Change of moment (gf cm/cm)",
+            )
         axes.legend(frameon=False)
         return axes
 
@@ -145,9 +153,17 @@ def calibrate(
     """
     curves = list(curves)
     if not curves or not all(isinstance(one, MeasuredTest) for one in curves):
-        raise InputError("calibrate.curves", repr(curves)[:60], "must be one or more measured tests")
-    stated: dict[str, Any] = {"fit": [one.name for one in curves], "free": list(free), "residual": residual}
-    stated |= {"misfit": misfit} | ({"bounds": {k: list(v) for k, v in bounds.items()}} if bounds else {})
+        raise InputError(
+            "calibrate.curves", repr(curves)[:60], "must be one or more measured tests"
+        )
+    stated: dict[str, Any] = {
+        "fit": [one.name for one in curves],
+        "free": list(free),
+        "residual": residual,
+    }
+    stated |= {"misfit": misfit} | (
+        {"bounds": {k: list(v) for k, v in bounds.items()}} if bounds else {}
+    )
     tree = check_section(CALIBRATIONS, {KIND: stated}, "fabric", sweeps=False)
     entry = Resolver(CALIBRATIONS, tree[KIND], KIND, fabric.name).values
     parameters = []
@@ -158,9 +174,11 @@ def calibrate(
         parameters.append(Parameter(one.name, one.low, one.high, inside(one)))
     for name in entry["bounds"] or {}:
         if name not in entry["free"] and entry["bounds"][name] is not None:
-            raise InputError(f"{KIND}.bounds.{key_name(name)}", None, "is of a parameter that is not free")
+            raise InputError(
+                f"{KIND}.bounds.{key_name(name)}", None, "is of a parameter that is not free"
+            )
     problem = Problem(
-        _solver(fabric), parameters, curves, kind=entry["residual"], misfit=entry["misfit"],
+        _solver(fabric), tuple(parameters), tuple(curves), kind=entry["residual"], misfit=entry["misfit"],
         resolution=settings_of(fabric).resolution,
     )  # fmt: skip
     return Calibration(fabric, fit(problem, profile=profile))
@@ -178,10 +196,12 @@ def predict(
     >>> import knitsim as ks
     >>> fabric = ks.Fabric(ks.Yarn(count_tex=20, bending_rigidity_N_mm2=2e-3), loop_length_mm=2.9)
     >>> ks.predict(fabric, "course", to_N_per_mm=0.02, states=4)
-    <Prediction course: 25.5 % (25.5 to 25.5) at 20.4 gf/cm>
+    <Prediction course: 10.3 % (10.3 to 10.3) at 20.4 gf/cm>
     """
     if (to_N_per_mm is None) == (to_per_cm is None):
-        raise InputError("predict", None, "needs to_N_per_mm (tension) or to_per_cm (bending), one of them")
+        raise InputError(
+            "predict", None, "needs to_N_per_mm (tension) or to_per_cm (bending), one of them"
+        )
     if direction not in ("course", "wale"):
         raise InputError("predict.direction", repr(direction), "must be course or wale")
     if isinstance(states, bool) or not isinstance(states, int) or states < 2:
@@ -194,10 +214,16 @@ def predict(
     elif isinstance(source, Fabric):
         predictor = Predictor(_solver(source), resolution=settings_of(source).resolution)
     else:
-        raise InputError("predict", repr(source)[:60], "needs a Fabric or what calibrate found of one")
+        raise InputError(
+            "predict", repr(source)[:60], "needs a Fabric or what calibrate found of one"
+        )
     parts = np.arange(1, states + 1) / states
     if to_per_cm is None:
         forces = parts * to_si(to_N_per_mm, "N_per_mm")
-        return Prediction(direction, "force_per_width", "strain", predictor.tension(direction, forces))
+        return Prediction(
+            direction, "force_per_width", "strain", predictor.tension(direction, forces)
+        )
     curvatures = parts * to_si(to_per_cm, "per_cm")
-    return Prediction(direction, "curvature", "moment_change", predictor.bending(direction, curvatures))
+    return Prediction(
+        direction, "curvature", "moment_change", predictor.bending(direction, curvatures)
+    )

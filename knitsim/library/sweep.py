@@ -58,9 +58,9 @@ def sweep(
     ``yarn.core_law.core_diameter_mm``.  tests: of each fabric: :class:`knitsim.Pull`, :class:`knitsim.Bend`,
     :class:`knitsim.Shear`, :class:`knitsim.Biaxial`.
 
-    Coordinates: ``fabric``, one for each varied key along it, in its unit, and ``test``.  Variables: those of
-    the state at rest, states of tests (fabric, test, step), KES parameters (fabric, test, kes_parameter), and
-    ``reason``, which is not empty where a fabric or one of its tests has no result; there are no numbers then.
+    Coordinates: ``fabric``, one for each varied key along it, in its unit, and ``test``.  Variables: those
+    of the state at rest, states of tests (fabric, test, step), KES parameters (fabric, test, kes_parameter),
+    and ``reason``, not empty where a fabric or one of its tests has no result; there are no numbers then.
 
     file: a netCDF file for the dataset.  What is done is kept beside it, so that a sweep that was stopped
     goes on where it was; a finished one is read.  processes: how many work, all cores without.
@@ -71,7 +71,7 @@ def sweep(
     >>> many["fabric"].values.tolist()
     ['loop_length_mm=2.8', 'loop_length_mm=3']
     >>> many["kc"].round(1).values.tolist()
-    [5.4, 5.3]
+    [5.3, 5.4]
     """
     if not isinstance(fabric, Fabric):
         raise InputError("sweep.fabric", repr(fabric)[:60], "must be a Fabric")
@@ -143,10 +143,17 @@ class _Kept:
 
 
 def _rows(
-    fabric: Fabric, tests: Sequence[Test], design: Design, kept: _Kept, processes: int | None, progress: bool
+    fabric: Fabric,
+    tests: Sequence[Test],
+    design: Design,
+    kept: _Kept,
+    processes: int | None,
+    progress: bool,
 ) -> list[Row]:
     todo = [n for n in range(len(design)) if n not in kept.rows]
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
     workers = max(1, min(processes or cores, len(todo)))
     told = _Progress(len(design), len(todo), progress)
     # The first here, so that its kernels are compiled once.
@@ -159,8 +166,12 @@ def _rows(
     rest = todo[len(alone) :]
     if rest:
         size = max(1, min(MOST_IN_BATCH, len(rest) // (BATCHES * workers)))
-        batches = [{n: design.changes[n] for n in rest[k : k + size]} for k in range(0, len(rest), size)]
-        for rows in _in_processes(lambda pool, one: pool.submit(_batch, fabric, tests, one), batches, workers):
+        batches = [
+            {n: design.changes[n] for n in rest[k : k + size]} for k in range(0, len(rest), size)
+        ]
+        for rows in _in_processes(
+            lambda pool, b: pool.submit(_batch, fabric, tests, b), batches, workers
+        ):
             kept.add(rows)
             told(kept.rows)
     told.end()
@@ -185,7 +196,9 @@ def _in_processes(
                 future.cancel()
 
 
-def _batch(fabric: Fabric, tests: Sequence[Test], changes: Mapping[int, dict[str, Any]]) -> dict[int, Row]:
+def _batch(
+    fabric: Fabric, tests: Sequence[Test], changes: Mapping[int, dict[str, Any]]
+) -> dict[int, Row]:
     return {n: _row(fabric, tests, one) for n, one in changes.items()}
 
 
@@ -203,7 +216,11 @@ def _row(fabric: Fabric, tests: Sequence[Test], changes: Mapping[str, Any]) -> R
         try:
             result = test.run(rest)
             dataset = result._dataset()
-            states = {name: dataset[name].values.tolist() for name in OF_STATES if name in dataset.variables}
+            states = {
+                name: dataset[name].values.tolist()
+                for name in OF_STATES
+                if name in dataset.variables
+            }
             states["phase"] = [PHASES.index(one) for one in dataset["phase"].values]
             row["tests"][number] = {"states": states, "kes": _kes(result)}
             if result.stop_reason:
@@ -226,7 +243,8 @@ def _dataset(
 ) -> xr.Dataset:
     shape = (len(design), len(tests))
     data: dict[str, Any] = {
-        name: ("fabric", np.array([row["rest"].get(name, np.nan) for row in rows])) for name in OF_REST
+        name: ("fabric", np.array([row["rest"].get(name, np.nan) for row in rows]))
+        for name in OF_REST
     }
     data["reason"] = ("fabric", np.array([row["reason"] for row in rows], dtype=object))
     coords: dict[str, Any] = {"fabric": np.array(design.names, dtype=object)}
@@ -238,7 +256,9 @@ def _dataset(
             else ["" if v is None else str(v) for v in values],
             dtype=float if numbers else object,
         )  # fmt: skip
-        about = {"long_name": key.about.rstrip(".")} | ({"units": units.label(key.unit)} if key.unit else {})
+        about = {"long_name": key.about.rstrip(".")} | (
+            {"units": units.label(key.unit)} if key.unit else {}
+        )
         coords[path.removeprefix("yarn.")] = ("fabric", column, about)
     if tests:
         found = [[row["tests"][k] for k in range(len(tests))] for row in rows]
@@ -255,14 +275,22 @@ def _dataset(
         configuration=config, assumptions=assumed, modules=[MODULE],
     )  # fmt: skip
     dataset.attrs["id"] = identity
-    return with_attributes(dataset, own=tuple(path.removeprefix("yarn.") for path in design.keys))
+    own = tuple(path.removeprefix("yarn.") for path in design.keys)
+    described: xr.Dataset = with_attributes(dataset, own=own)
+    return described
 
 
-def _add_states(data: dict[str, Any], coords: dict[str, Any], found: list[list[Row]], shape: Any) -> None:
+def _add_states(
+    data: dict[str, Any], coords: dict[str, Any], found: list[list[Row]], shape: Any
+) -> None:
     """States of all tests, filled up to the longest with no numbers."""
     steps = [len(one["states"]["phase"]) for row in found for one in row if one]
     size = max(steps, default=0)
-    names = [name for name in OF_STATES if any(name in one["states"] for row in found for one in row if one)]
+    names = [
+        name
+        for name in OF_STATES
+        if any(name in one["states"] for row in found for one in row if one)
+    ]
     dims = ("fabric", "test", "step")
     for name in (*names, "phase"):
         out = np.full((*shape, size), np.nan)
@@ -281,7 +309,9 @@ def _add_states(data: dict[str, Any], coords: dict[str, Any], found: list[list[R
     coords["step"] = np.arange(size)
 
 
-def _add_kes(data: dict[str, Any], coords: dict[str, Any], found: list[list[Row]], shape: Any) -> None:
+def _add_kes(
+    data: dict[str, Any], coords: dict[str, Any], found: list[list[Row]], shape: Any
+) -> None:
     si: dict[str, str] = {}
     for row in found:
         for one in row:

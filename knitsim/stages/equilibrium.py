@@ -11,8 +11,8 @@ from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
 from knitsim.measured.read import read_entry
 from knitsim.stages.laws import ledger_laws
-from knitsim.stages.remedy import ROOM, remedies
 from knitsim.stages.ledger import effect_dataset
+from knitsim.stages.remedy import ROOM, remedies
 from knitsim.store.tensile import stack_variants
 from knitsim.store.writer import to_json
 from knitsim.study.contact_keys import stated_contact

@@ -51,7 +51,7 @@ def run(fabrics):
         skips, resolution = skips_of(fabric.scene), settings_of(fabric).resolution
         drawn = not (fabric.scene.needs_loop and not_drawn(fabric))
         for what in dict.fromkeys(skip.what for skip in skips):
-            if what in OF_LOOP and not drawn or what == "identical sections" and not_drawn(fabric.yarn):
+            if (what in OF_LOOP and not drawn) or (what == "identical sections" and not_drawn(fabric.yarn)):
                 continue
             own = [skip for skip in skips if skip.what == what]
             rows.append(_row(fabric.scene.name, own, MEASURES[what](fabric, resolution)))

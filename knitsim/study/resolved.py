@@ -126,7 +126,9 @@ class Resolved:
     @staticmethod
     def _alternatives(section, key):
         known = section.quantities()
-        gives = {key.quantity, key.gives} | {k.quantity for k in section.keys if k.gives == key.quantity}
+        gives = {key.quantity, key.gives} | {
+            k.quantity for k in section.keys if k.gives == key.quantity
+        }
         return {other.name for quantity in gives for other in known.get(quantity, ())}
 
     def _check(self):

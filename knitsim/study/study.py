@@ -36,10 +36,10 @@ class Yarn(Resolved):
     >>> import knitsim as ks
     >>> yarn = ks.Yarn(count_tex=19.7, friction=0.25, bending_rigidity_N_mm2=2e-3)
     >>> yarn
-    <Yarn: 19.7 tex, diameter 0.1657 mm, 7 inputs assumed>
-    >>> ks.Yarn(count_tex=19.7, friction=25)
+    <Yarn: 19.7 tex, diameter 0.1657 mm, 10 inputs assumed>
+    >>> ks.Yarn(count_tex=19.7, friction=25)  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    knitsim.errors.InputError: yarn.friction = 25: must be at least 0 and at most 1 (Coulomb friction coefficient of yarn on yarn)
+    knitsim.errors.InputError: yarn.friction = 25: must be at least 0 and at most 1 ...
     """
 
     section = YARN
@@ -107,9 +107,9 @@ class Yarn(Resolved):
 class Fabric(Resolved):
     """A fabric: a yarn, a density and a loop length.
 
-    Keywords are the keys of ``fabrics.yaml`` in config/README.md, in the units at the end of their names.  The
-    object is what :func:`knitsim.load_study` gives for a fabric of a study.  ``fabric["loop_length"]`` is the
-    SI value of a quantity, ``fabric.assumptions()`` what nobody stated.  Raises InputError.
+    Keywords are the keys of ``fabrics.yaml`` in config/README.md, in the units at the end of their names.
+    The object is what :func:`knitsim.load_study` gives for a fabric of a study.  ``fabric["loop_length"]``
+    is the SI value of a quantity, ``fabric.assumptions()`` what nobody stated.  Raises InputError.
 
     >>> import knitsim as ks
     >>> yarn = ks.Yarn(count_tex=19.7)

@@ -60,7 +60,9 @@ def loop_length_rule(fabric):
         )
     w, c = fabric.get("wale_spacing"), fabric.get("course_spacing")
     if w is None or c is None:
-        raise Missing("mass per area gives it with both wales_per_cm and courses_per_cm; state both")
+        raise Missing(
+            "mass per area gives it with both wales_per_cm and courses_per_cm; state both"
+        )
     mass, tex = units.from_si(fabric["mass_per_area"], "g_per_m2"), units.from_si(count, "tex")
     return Follows(
         fabric["mass_per_area"] * w * c / count,
