@@ -41,9 +41,11 @@ class Tested(Result):
     STAGE = ""
     SUMMARY = "One interlooped yarn in a periodic lattice, in equilibrium in every state."
 
-    def __init__(self, rest: Rest, fabric: Fabric, curve: Curve | BendingCurve, direction: str = "") -> None:
+    curve: Curve | BendingCurve
+
+    def __init__(self, rest: Rest, fabric: Fabric, direction: str = "") -> None:
         super().__init__(fabric)
-        self.rest, self.curve, self.direction = rest, curve, direction
+        self.rest, self.direction = rest, direction
 
     @property
     def stop_reason(self) -> str:
@@ -93,7 +95,8 @@ class Pulled(Tested):
             rest.start(friction=choice["friction"]), direction, tension.strains_of(choice, direction),
             **tension.conditions_of(choice), **settings_of(fabric).errors,
         )  # fmt: skip
-        super().__init__(rest, fabric, curve, direction)
+        super().__init__(rest, fabric, direction)
+        self.curve: Curve = curve
 
     @property
     def strain(self) -> Numbers:
@@ -133,7 +136,8 @@ class Bent(Tested):
         start = bending.relaxed_for(fabric, rest.law, choice, settings_of(fabric).resolution)
         name = next(iter(fabric.scene[self.STAGE]["variants"]))
         curve = bending.bent(fabric, start, direction, name, **settings_of(fabric).errors)
-        super().__init__(rest, fabric, curve, direction)
+        super().__init__(rest, fabric, direction)
+        self.curve: BendingCurve = curve
 
     @property
     def curvature(self) -> Numbers:
@@ -149,7 +153,8 @@ class Bent(Tested):
     def curl(self) -> Curl:
         """How the fabric curls along this direction, with its error."""
         error = absolute_error(self.moment_per_width, self.curve.numerical_error)
-        return curl(self.curvature, self.moment_per_width, error, self.curve.cycle)
+        found: Curl = curl(self.curvature, self.moment_per_width, error, self.curve.cycle)
+        return found
 
     def _dataset(self) -> xr.Dataset:
         title = f"Equilibrium bending of {self.fabric.name}, {self.direction} direction curved"
@@ -158,8 +163,12 @@ class Bent(Tested):
     def __repr__(self) -> str:
         most = from_si(float(np.abs(self.curvature).max()), "per_cm")
         found = self.curl
-        side = {"neither": "does not roll", "": ""}.get(found.rolls_to, f"rolls to the {found.rolls_to}")
-        return self._told(f"{most:.3g} per cm, {found.kes_moment:.3g} gf cm/cm holds it flat, {side}")
+        side = {"neither": "does not roll", "": ""}.get(
+            found.rolls_to, f"rolls to the {found.rolls_to}"
+        )
+        return self._told(
+            f"{most:.3g} per cm, {found.kes_moment:.3g} gf cm/cm holds it flat, {side}"
+        )
 
 
 class Sheared(Tested):
@@ -169,16 +178,15 @@ class Sheared(Tested):
     """
 
     KIND, STAGE = "shear", shearing.STAGE
-    SUMMARY = (
-        "Shear in the plane of the fabric under tension along the wale; the force is that along the course."
-    )
+    SUMMARY = "Shear in the plane of the fabric under tension along the wale; the force is that along the course."
 
     def __init__(self, rest: Rest, fabric: Fabric) -> None:
         test = fabric.scene[self.STAGE]
         angles = both_ways(test["max_angle"], test["states"])
         start = rest.start(friction=test["friction"])
         curve = shear(start, angles, tension=test["tension"], **settings_of(fabric).errors)
-        super().__init__(rest, fabric, curve)
+        super().__init__(rest, fabric)
+        self.curve: Curve = curve
 
     @property
     def angle(self) -> Numbers:
@@ -213,7 +221,8 @@ class BiaxiallyPulled(Tested):
         choice = _choice(fabric, self.STAGE)
         parts = np.arange(1, choice["states"] + 1) / choice["states"]
         curve = biaxial(rest.start(friction=choice["friction"]), parts[:, None] * [course, wale])
-        super().__init__(rest, fabric, from_rest(curve))
+        super().__init__(rest, fabric)
+        self.curve: Curve = from_rest(curve)
 
     @property
     def strain(self) -> Numbers:
@@ -244,5 +253,8 @@ class BiaxiallyPulled(Tested):
 
     def __repr__(self) -> str:
         strains = f"{100 * self.strain[-1]:.3g} and {100 * self.wale_strain[-1]:.3g} %"
-        forces = (from_si(one[-1], "gf_per_cm") for one in (self.force_per_width, self.wale_force_per_width))
+        forces = (
+            from_si(one[-1], "gf_per_cm")
+            for one in (self.force_per_width, self.wale_force_per_width)
+        )
         return self._told(f"{strains}, {' and '.join(f'{one:.3g}' for one in forces)} gf/cm there")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -75,7 +76,7 @@ def _line(ax: Axes, result: Tested, x: Any, y: Any, colour: str, **options: Any)
     label = options.pop("label", None)
     style = {"color": colour, **options}
     seen: set[str] = set()
-    for first, last in zip(ends[:-1], ends[1:], strict=True):
+    for first, last in itertools.pairwise(ends):
         kind = kinds.get(int(phase[first]), "recovery")
         own = slice(max(first - 1, 0), last)
         name = label if label and not seen else kind if kind not in seen and not label else None

@@ -38,7 +38,8 @@ class Result:
         >>> rest["kc"].attrs["long_name"]
         "Munden's constant, loop length over course spacing"
         """
-        return with_attributes(self._dataset())
+        dataset: xr.Dataset = with_attributes(self._dataset())
+        return dataset
 
     def to_netcdf(self, path: str | Path) -> None:
         """Write :meth:`to_dataset` to a file, whole or not at all."""
@@ -55,8 +56,14 @@ class Result:
         """
         dataset = self.to_dataset()
         along = {"step"} if "step" in dataset.dims else set()
-        kept = [name for name in (*dataset.coords, *dataset.data_vars) if set(dataset[name].dims) == along]
-        columns = {str(name): np.atleast_1d(dataset[name].values) for name in kept if name != "step"}
+        kept = [
+            name
+            for name in (*dataset.coords, *dataset.data_vars)
+            if set(dataset[name].dims) == along
+        ]
+        columns = {
+            str(name): np.atleast_1d(dataset[name].values) for name in kept if name != "step"
+        }
         return pd.DataFrame(columns)
 
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes:

@@ -10,7 +10,7 @@ from knitsim.equilibrium.density import fit_density
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
 from knitsim.stages.described import describe_stage
-from knitsim.stages.equilibrium import at_rest_again, settings_of, solver_fabric
+from knitsim.stages.equilibrium import at_rest_again, named_by_key, settings_of, solver_fabric
 from knitsim.stages.ledger import effect_dataset
 from knitsim.store.schema import ENERGY_TERMS
 from knitsim.store.tensile import loop_coordinates
@@ -88,9 +88,11 @@ def run(fabric, laws):
     """(dataset, timings) of a FabricInput; laws: TensionLaw of its yarn by form."""
     timings = Timings(STAGE, fabric.name)
     law, test = laws["continuous"], fabric.scene[STAGE]
-    built, settings = solver_fabric(fabric, law), settings_of(fabric)
+    settings = settings_of(fabric)
     resolution = settings.resolution
-    relaxed = timings.repeat("relaxing", lambda: relax(built, resolution))
+    with named_by_key(fabric, law):
+        built = solver_fabric(fabric, law)
+        relaxed = timings.repeat("relaxing", lambda: relax(built, resolution))
     with timings.measure("its error"):
         relaxed, error = rest_to(relaxed, settings.accuracy)
     with timings.measure("relaxed density over loop length and set"):

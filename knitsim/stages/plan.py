@@ -119,18 +119,21 @@ class Plan:
         ]
 
     def skipping(self):
-        """(fabrics, inputs, skips): the first fabric of each scene that has an equilibrium test."""
+        """(fabrics, inputs, skips): the first fabric of each scene that has an equilibrium test, and all
+        whose loop may be one that cannot be drawn."""
         first = {}
         for name, fabric in self.study.fabrics.items():
             if fabric.scene["equilibrium_tension"] is not None:
                 first.setdefault(fabric.scene.name, name)
-        fabrics = list(first.values())
+        measured = list(first.values())
+        looped = [name for name, fabric in self.study.fabrics.items() if fabric.scene.needs_loop]
+        fabrics = list(dict.fromkeys([*measured, *looped]))
         inputs = [
             digest_of(self.study.fabrics[name].config(stage))
             for name in fabrics
             for stage in ("equilibrium_tension", "yarn", "loop")
         ]
-        skips = [str(s) for name in fabrics for s in skips_of(self.study.fabrics[name].scene)]
+        skips = [str(s) for name in measured for s in skips_of(self.study.fabrics[name].scene)]
         return fabrics, inputs, skips
 
     def drawings(self):

@@ -18,7 +18,7 @@ from knitsim.store.writer import write
 def laws_in(path):
     """TensionLaw by form from the result file of a yarn.  Raises ComputationError if it was stopped."""
     with xr.open_dataset(path, engine="netcdf4") as yarn:
-        if "stopped" in yarn.attrs:
+        if "stopped" in yarn.attrs and "law_strain" not in yarn:
             raise ComputationError(f"yarn {yarn.attrs['yarn']}: {yarn.attrs['stopped']}")
         return {form: law_from(yarn, form) for form in FORMS}
 

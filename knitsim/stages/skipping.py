@@ -9,6 +9,7 @@ from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
 from knitsim.kinematic.tension import Reading, fibre_points, tensile_test
+from knitsim.stages.check import not_drawn
 from knitsim.stages.equilibrium import settings_of, solver_fabric
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.loop import loop_of
@@ -33,20 +34,39 @@ YARN_STRAIN = 0.01
 SAME = 1e-6  # the solver's tolerance, of what is not a force of the equilibrium model
 
 
+OF_LOOP = ("fibres", "rules not affected")  # measured on a loop that can be drawn
+
+
 def run(fabrics):
     """Rows (by COLUMNS and TIMES) of the scenes of ``fabrics`` (FabricInputs), each scene measured once.
 
-    A skip that no test of a scene makes is not measured.
+    A skip that no test of a scene makes is not measured.  Tests of the kinematic model that are left out
+    because a loop cannot be drawn stand there as well, a row a fabric.
     """
     rows, first = [], {}
     for fabric in fabrics:
-        first.setdefault(fabric.scene.name, fabric)
+        if fabric.scene["equilibrium_tension"] is not None:
+            first.setdefault(fabric.scene.name, fabric)
     for fabric in first.values():
         skips, resolution = skips_of(fabric.scene), settings_of(fabric).resolution
+        drawn = not (fabric.scene.needs_loop and not_drawn(fabric))
         for what in dict.fromkeys(skip.what for skip in skips):
+            if (what in OF_LOOP and not drawn) or (what == "identical sections" and not_drawn(fabric.yarn)):
+                continue
             own = [skip for skip in skips if skip.what == what]
             rows.append(_row(fabric.scene.name, own, MEASURES[what](fabric, resolution)))
-    return rows
+    return rows + [row for fabric in fabrics for row in _left_out(fabric)]
+
+
+def _left_out(fabric):
+    """A row about the kinematic tests of a FabricInput whose loop cannot be drawn."""
+    tests = [name for name in ("kinematic_tension", "kinematic_bending") if fabric.scene[name] is not None]
+    why = not_drawn(fabric) if tests else ""
+    if not why:
+        return []
+    row = dict.fromkeys((*COLUMNS, *TIMES), "")
+    told = {"skipped": f"kinematic tests of {fabric.name}", "because": why, "tests": "; ".join(tests)}
+    return [row | {"scene": fabric.scene.name} | told]
 
 
 def _row(scene, skips, measured):

@@ -68,13 +68,17 @@ def describe(
     return dataset
 
 
-def with_attributes(dataset):
+def with_attributes(dataset, own=()):
     """A copy of ``dataset`` whose variables say their unit, meaning and flags, as the schema has them.
+
+    own: names that the schema does not know and that say it themselves.
 
     Raises ValueError for a name that the schema does not know.
     """
     dataset = dataset.copy(deep=False)
     for name in dataset.variables:
+        if name in own:
+            continue
         table = COORDINATES if name in dataset.coords else VARIABLES
         if name not in table:
             raise ValueError(f"'{name}' is not in the result schema")

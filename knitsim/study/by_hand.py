@@ -2,8 +2,6 @@
 
 import inspect
 
-import numpy as np
-
 from knitsim.errors import InputError
 from knitsim.study.check import check_name, check_section
 
@@ -26,9 +24,8 @@ def _plain(value):
         return {name: _plain(one) for name, one in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(one) for one in value]
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    return value.item() if isinstance(value, np.generic) else value
+    # An array or scalar of numpy, which a study is read without.
+    return _plain(value.tolist()) if hasattr(value, "tolist") else value
 
 
 def with_signature(section):

@@ -97,7 +97,9 @@ def _parts(numbers, marks, unit, value, where):
             if plies <= MOST_PLIES and plies % 1 == 0:
                 return plies, None, size
         raise InputError(
-            where, repr(value), f"must be count and plies, at most {MOST_PLIES}, such as 30/2 {unit}"
+            where,
+            repr(value),
+            f"must be count and plies, at most {MOST_PLIES}, such as 30/2 {unit}",
         )
     if unit == "tex" and marks == ["/"]:
         raise InputError(

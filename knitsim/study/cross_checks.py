@@ -153,15 +153,15 @@ def check_scene(scene, stated):
 def check_fabric(fabric):
     """Raises InputError if the yarn of ``fabric`` (a FabricInput) is too thick for its spacings."""
     _check_loop_length(fabric)
-    _check_density(fabric)
     diameter = fabric.yarn["diameter"]
     for quantity, what in (("wale_spacing", "wale"), ("course_spacing", "course")):
-        if fabric[quantity] <= diameter:
+        if fabric.is_stated(quantity) and fabric[quantity] <= diameter:
             raise InputError(
                 *fabric.stated(quantity),
                 f"is a {what} spacing of {fabric[quantity] * 1e3:.4g} mm: must be above "
                 f"the {diameter * 1e3:.4g} mm of its yarn {fabric.yarn.name} (yarn too thick)",
             )
+    _check_density(fabric)
     _check_curvature(fabric, diameter)
 
 

@@ -56,8 +56,9 @@ class Key:
 
     name: as in the file, with its unit.  quantity: its name inside, in SI; keys of one quantity are
     alternatives, and default, because and plausible are read from the first of them.
-    kind: number, count (a yarn count, a number or as the trade writes it), integer, flag, choice, text, numbers, choices or words (lists), mapping (names to text
-    or numbers), lines (how many first lines, or a list of line numbers).
+    kind: number, integer, count (of a yarn, a number or as the trade writes it), flag, choice, text,
+    numbers, choices or words (lists), mapping (names to text or numbers), lines (how many first lines, or
+    a list of line numbers).
     unit: a unit of knitsim.units, None if dimensionless.  allowed: an interval, in the key's unit.
     default: REQUIRED, None (may be left out), a value in the key's unit, or a rule: a function of
     the SI values that are stated, or stand before it in the table, that returns the SI value, None for

@@ -32,7 +32,7 @@ def expand(tree, where):
         for (path, points_of), index in zip(swept, chosen, strict=True):
             stated = points_of.stated[index]
             point[path] = stated.value
-            parts.append(f"{path}={_value_label(stated.value, index)}")
+            parts.append(f"{path}={value_label(stated.value, index)}")
             one = replaced(one, path.split("."), Points(points_of.key, (stated,)))
         label = ",".join(parts)
         if label.lower() in labels:
@@ -50,7 +50,7 @@ def _swept(tree, prefix):
             yield f"{prefix}{name}", item
 
 
-def _value_label(value, index):
+def value_label(value, index):
     """A swept value as part of a file name; lists are numbered from 1."""
     if isinstance(value, list):
         return f"no{index + 1}"

@@ -20,6 +20,7 @@ class Resolved:
     """
 
     section = None
+    parts = ()  # attributes that hold the objects it refers to
 
     def __init__(self, file, base, point, label, tree):
         self.file, self.base, self.point = file, base, point
@@ -82,34 +83,52 @@ class Resolved:
         return list(self._rows)
 
     def with_value(self, path, value):
-        """A copy with the key at ``path`` (dots lead into sections) set to ``value``, checked.
+        """:meth:`with_values` of one value."""
+        return self.with_values({path: value})
 
-        value is in the key's unit.  Alternatives of the key, such as another unit, give way.  What
+    def with_values(self, values):
+        """A copy with the keys at some paths (dots lead into sections) set, {path: value}, checked.
+
+        A value is in the key's unit.  Alternatives of the key, such as another unit, give way.  What
         follows from the key by default follows again.  The name stays.  Raises InputError.
         """
+        other, own = copy.copy(self), dict(values)
+        for part in self.parts:
+            of_part = {path: own.pop(path) for path in values if path.startswith(f"{part}.")}
+            if of_part:
+                inner = {path.removeprefix(f"{part}."): value for path, value in of_part.items()}
+                setattr(other, part, getattr(self, part).with_values(inner))
+        tree = self._tree
+        for path, value in own.items():
+            tree = self._changed(tree, path, value)
+        other._resolve(tree)
+        other._check()
+        return other
+
+    def _changed(self, tree, path, value):
+        """The tree with one key set."""
         *sections, name = path.split(".")
-        section, tree = self.section, self._tree
+        section, inner = self.section, tree
         for part in sections:
             # An entry of a named section has the keys of that section.
             section = section if section.named else section.section(part)
-            if section is None or part not in tree:
+            if section is None or part not in inner:
                 raise InputError(self.where(path), None, f"{part} is not given, so is not changed")
-            tree = tree[part]
+            inner = inner[part]
         key = section.key(name)
         if key is None or name in ("scene", "yarn"):
             raise InputError(self.where(path), None, "is no key whose value can be changed")
         points = check_points(key, value, self.where(path), sweeps=False)
-        changed = {k: v for k, v in tree.items() if k not in self._alternatives(section, key)}
+        changed = {k: v for k, v in inner.items() if k not in self._alternatives(section, key)}
         changed[name] = points
-        other = copy.copy(self)
-        other._resolve(replaced(self._tree, sections, changed) if sections else changed)
-        other._check()
-        return other
+        return replaced(tree, sections, changed) if sections else changed
 
     @staticmethod
     def _alternatives(section, key):
         known = section.quantities()
-        gives = {key.quantity, key.gives} | {k.quantity for k in section.keys if k.gives == key.quantity}
+        gives = {key.quantity, key.gives} | {
+            k.quantity for k in section.keys if k.gives == key.quantity
+        }
         return {other.name for quantity in gives for other in known.get(quantity, ())}
 
     def _check(self):

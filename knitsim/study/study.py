@@ -36,13 +36,14 @@ class Yarn(Resolved):
     >>> import knitsim as ks
     >>> yarn = ks.Yarn(count_tex=19.7, friction=0.25, bending_rigidity_N_mm2=2e-3)
     >>> yarn
-    <Yarn: 19.7 tex, diameter 0.1657 mm, 7 inputs assumed>
-    >>> ks.Yarn(count_tex=19.7, friction=25)
+    <Yarn: 19.7 tex, diameter 0.1657 mm, 10 inputs assumed>
+    >>> ks.Yarn(count_tex=19.7, friction=25)  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    knitsim.errors.InputError: yarn.friction = 25: must be at least 0 and at most 1 (Coulomb friction coefficient of yarn on yarn)
+    knitsim.errors.InputError: yarn.friction = 25: must be at least 0 and at most 1 ...
     """
 
     section = YARN
+    parts = ("scene",)
 
     def __init__(self, *, name: str = "yarn", **keys: Any) -> None:
         tree = stated_tree(YARN, keys, name)
@@ -86,9 +87,6 @@ class Yarn(Resolved):
     def assumptions(self):
         return super().assumptions() + _below("scene", self.scene)
 
-    def with_value(self, path, value):
-        return _with_value(self, super().with_value, ("scene",), path, value)
-
     def as_dict(self):
         """Name, SI values and scene as plain JSON types."""
         return {
@@ -109,9 +107,9 @@ class Yarn(Resolved):
 class Fabric(Resolved):
     """A fabric: a yarn, a density and a loop length.
 
-    Keywords are the keys of ``fabrics.yaml`` in config/README.md, in the units at the end of their names.  The
-    object is what :func:`knitsim.load_study` gives for a fabric of a study.  ``fabric["loop_length"]`` is the
-    SI value of a quantity, ``fabric.assumptions()`` what nobody stated.  Raises InputError.
+    Keywords are the keys of ``fabrics.yaml`` in config/README.md, in the units at the end of their names.
+    The object is what :func:`knitsim.load_study` gives for a fabric of a study.  ``fabric["loop_length"]``
+    is the SI value of a quantity, ``fabric.assumptions()`` what nobody stated.  Raises InputError.
 
     >>> import knitsim as ks
     >>> yarn = ks.Yarn(count_tex=19.7)
@@ -123,6 +121,7 @@ class Fabric(Resolved):
     """
 
     section = FABRIC
+    parts = ("yarn", "scene")
 
     def __init__(self, yarn: Yarn, *, name: str = "fabric", **keys: Any) -> None:
         if not isinstance(yarn, Yarn):
@@ -190,9 +189,6 @@ class Fabric(Resolved):
             + _below("scene", self.scene)
         )
 
-    def with_value(self, path, value):
-        return _with_value(self, super().with_value, ("yarn", "scene"), path, value)
-
     def as_dict(self):
         """Name, SI values, yarn and scene as plain JSON types."""
         return {
@@ -227,18 +223,6 @@ def _config(resolved, stages):
         "tests": resolved.scene._part(stages),
         "assumed": [row.as_dict() for row in rows if stages.intersection(row.stages)],
     }
-
-
-def _with_value(resolved, own, parts, path, value):
-    """with_value of an object that refers to others by the attributes ``parts``."""
-    first, _, rest = path.partition(".")
-    if first not in parts or not rest:
-        return own(path, value)
-    other = copy.copy(resolved)
-    setattr(other, first, getattr(resolved, first).with_value(rest, value))
-    other._resolve(other._tree)
-    other._check()
-    return other
 
 
 def _files(resolved, section):

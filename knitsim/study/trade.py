@@ -9,14 +9,17 @@ COTTON = 1520.0  # density of the fibre of Peirce's yarns, kg/m3
 # Share of fibre in a cotton yarn of Peirce's diameter: about 0.6.
 PACKING = 4.0 / (math.pi * COTTON * units.peirce_diameter(1.0) ** 2)
 FIBRE_COUNT = units.to_si(1.7, "dtex")  # of a fibre where their number is not stated
+MOST_DRAWN = 1000  # fibres that a yarn is drawn with
 MODULUS = 2.0  # N/tex, of a spun yarn: 14 cN/tex at 7 %
 # Loop length over the spacings of a plain fabric at rest, wet relaxed (Munden 1959, Knapton et al. 1968).
 KC, KW = 5.3, 4.1
 
 
 def packing_rule(yarn):
-    """0.6, that of Peirce's diameter for cotton; 1 for a monofilament."""
-    return Follows(1.0, "one fibre fills the yarn") if yarn["fibres"] == 1 else PACKING
+    """0.6, that of Peirce's diameter for cotton; 0.5 for two fibres, 1 for a monofilament."""
+    if yarn["fibres"] == 1:
+        return Follows(1.0, "one fibre fills the yarn")
+    return 0.5 if yarn["fibres"] == 2 else PACKING
 
 
 def diameter_rule(yarn):
@@ -29,10 +32,10 @@ def diameter_rule(yarn):
 
 
 def fibres_rule(yarn):
-    """Those of the count, such as 150/48 den; else as many of 1.7 dtex as the count has."""
+    """Those of the count, such as 150/48 den; else as many of 1.7 dtex as the count has, 2 to 1000."""
     if "filaments" in yarn:
         return Follows(yarn["filaments"], "the filaments of the count")
-    return max(2, round(yarn["linear_density"] / FIBRE_COUNT))
+    return min(max(2, round(yarn["linear_density"] / FIBRE_COUNT)), MOST_DRAWN)
 
 
 def modulus_rule(yarn):
@@ -57,7 +60,9 @@ def loop_length_rule(fabric):
         )
     w, c = fabric.get("wale_spacing"), fabric.get("course_spacing")
     if w is None or c is None:
-        raise Missing("mass per area gives it with both wales_per_cm and courses_per_cm; state both")
+        raise Missing(
+            "mass per area gives it with both wales_per_cm and courses_per_cm; state both"
+        )
     mass, tex = units.from_si(fabric["mass_per_area"], "g_per_m2"), units.from_si(count, "tex")
     return Follows(
         fabric["mass_per_area"] * w * c / count,
