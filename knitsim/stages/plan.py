@@ -22,7 +22,7 @@ JOBS = {
     "yarn_to_fabric": ("yarn_to_fabric",),
     "sensitivity": ("sensitivity",),
 }  # fmt: skip
-KES_KINDS, VTK_KINDS = ("tensile", "bending", "shear"), ("tensile", "bending")
+KES_KINDS = ("tensile", "bending", "shear")
 KES = "kes"
 MEASURED_GROUP = "measured"
 
