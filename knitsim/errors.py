@@ -13,7 +13,9 @@ class InputError(ValueError):
     def __init__(self, where, value, right):
         self.where, self.value, self.right = where, value, right
         shown = "" if value is None else f" = {value}"
-        super().__init__(f"{where}{shown}: {right}")
+        # One line, whatever is in a name: a raw newline or escape code is shown, not sent.
+        said = f"{where}{shown}: {right}"
+        super().__init__("".join(c if c.isprintable() else repr(c)[1:-1] for c in said))
 
     def __reduce__(self):
         return type(self), (self.where, self.value, self.right)

@@ -12,11 +12,13 @@ function made by :func:`choose` is compiled for what is there alone.
 
 import functools
 import inspect
+import os
+import sys
 
 import numba
 import numpy as np
 from numba import types
-from numba.core import event
+from numba.core import caching, event
 from numba.extending import overload
 
 from knitsim.files import cache_root
@@ -24,6 +26,33 @@ from knitsim.provenance import kernel_hash
 
 CACHE_DIR = cache_root() / f"numba-{kernel_hash()}"
 numba.config.CACHE_DIR = str(CACHE_DIR)
+
+
+class _CarefulFile(caching.IndexDataCacheFile):
+    """Numba's files of one kernel; one that is cut short or cannot be written costs its compilation only."""
+
+    def load(self, key):
+        try:
+            return super().load(key)
+        except Exception as error:
+            self._told("is damaged, compiled anew", error)
+            try:
+                os.unlink(self._index_path)
+            except OSError:
+                pass
+            return None
+
+    def save(self, key, data):
+        try:
+            super().save(key, data)
+        except Exception as error:
+            self._told("cannot be written, compiled again next time", error)
+
+    def _told(self, what, error):
+        print(f"knitsim: compiled kernel {self._index_path} {what} ({error})", file=sys.stderr)
+
+
+caching.IndexDataCacheFile = _CarefulFile
 
 # No fastmath: it would let a NaN pass the checks that must catch it.  No wrappers for C, which nothing
 # here asks for and which take time to compile.

@@ -43,6 +43,8 @@ TO_SI = {
     "per_m": 1.0,
     "per_inch": 1.0 / INCH,
     "g_per_cm3": 1e3,
+    "g_per_m2": 1e-3,
+    "N_per_tex": 1e6,
     "N_s_per_m": 1.0,
     "percent": 1e-2,
     "deg": math.pi / 180.0,

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from workflow_tools import every_job, finished, project  # noqa: F401, the fixtures of the workflow
 
 from knitsim.loop.build import build_loop
 from knitsim.verification.judge.given import control_of

@@ -476,7 +476,7 @@ def test_units_by_hand():
 def test_printed_definitions_and_rows():
     kappa, way = cycle_of(120.0)
     found = kes.bending(kappa, B * kappa + way * HB, hysteresis_at=50.0)
-    text = str(found)
+    text = found.described()
     assert "2HB = 6e-06 N (0.00061183 gf cm/cm): width of the loop at 50 m-1 (0.5 1/cm)" in text
     assert "B_face left out: no loading at 50 to 150 m-1" in text
     assert "pass 1: 51 points, rule linear" in text

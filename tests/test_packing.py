@@ -73,11 +73,11 @@ def test_fibres_that_just_touch_are_allowed_and_thicker_ones_are_not():
     with pytest.raises(InputError) as refused:
         pack(72, 1e-3, 1.001 * room, where="yarns.yaml: thick")
     message = str(refused.value)
-    assert message.startswith("yarns.yaml: thick.fibre_diameter = ")
+    assert message.startswith("yarns.yaml: thick.diameter_mm = ")
     assert "\n" not in message
     # The limits that the message names do fit, and nothing beyond them.
-    thinner = float(message.rsplit("at most ", 1)[1].split()[0])
-    wider = float(message.rsplit("at least ", 1)[1].removesuffix(" m"))
+    thinner = float(message.rsplit("thinner than ", 1)[1].split()[0]) * 1e-3
+    wider = float(message.rsplit("at least ", 1)[1].split()[0]) * 1e-3
     assert thinner == pytest.approx(room, rel=1e-4)
     pack(72, 1e-3, thinner)
     pack(72, wider, 1.001 * room)
@@ -91,9 +91,9 @@ def test_fibres_must_not_fill_more_than_the_yarn():
         pack(3, 1e-3, 0.6e-3)
 
 
-@pytest.mark.parametrize("fibres", [0, -3, 501, 7.5, True, math.nan, math.inf])
+@pytest.mark.parametrize("fibres", [0, -3, 1001, 7.5, True, math.nan, math.inf])
 def test_counts_out_of_range_are_refused(fibres):
-    with pytest.raises(InputError, match="whole number from 1 to 500"):
+    with pytest.raises(InputError, match="whole number from 1 to 1000"):
         pack(fibres, 1e-3)
 
 

@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).parents[1] / "knitsim"
 FOUNDATION = ("errors", "units", "files", "provenance", "jit")
 ORDER = (
     "store", "measured", "yarn", "loop", "kinematic", "equilibrium", "kes", "study", "inference",
-    "verification", "benchmark", "figures", "stages",
+    "verification", "benchmark", "figures", "stages", "library", "command",
 )  # fmt: skip
 # Neither model knows the other, figures know files only, and the readers of files know no model.
 APART = {

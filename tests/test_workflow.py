@@ -1,194 +1,19 @@
-"""The workflow as a user runs it: from the command line, in a directory of its own.
-
-One run of the small study, with a sweep added to it, is shared by all tests (and all processes of
-pytest-xdist); tests that change anything work on a copy.
-"""
+"""The workflow's results, and what a change makes run again."""
 
 import json
 import os
 import re
 import shutil
-import signal
-import subprocess
-import sys
-import time
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from workflow_tools import BENT, ROOT, STUDY, below, fresh
 
 from knitsim.store.results import LABELS, RESULTS, path_of
 
-ROOT = Path(__file__).resolve().parents[1]
-STUDY = "config/small"
-# A sweep of two fabrics with one test in one direction, beside the fabric of the small study.
-SWEEP = """
-bent:
-  yarn: small
-  wale_spacing_mm: 0.9
-  course_spacing_mm: 0.7
-  loop_length_mm: [3.3, 3.35]
-  sections_per_loop: 16
-  scene: bending_only
-"""
-SCENE = """
-bending_only:
-  kinematic_bending: {steps: 2, directions: [course], loops: 1.0}
-"""
-BENT = ("bent_loop_length_mm=3.3", "bent_loop_length_mm=3.35")
-
-
-@dataclass(frozen=True)
-class Job:
-    """One job of a dry run."""
-
-    rule: str
-    inputs: frozenset
-    outputs: frozenset
-    wildcards: dict
-
-    def __hash__(self):
-        return hash((self.rule, self.outputs))
-
-
-class Project:
-    """A working directory with its own configuration and results, and sources that it runs."""
-
-    def __init__(self, folder, sources=ROOT):
-        self.folder, self.sources = Path(folder), Path(sources)
-        self.results = self.folder / "results"
-
-    def command(self, *arguments, study=STUDY, config=()):
-        # --config takes all words that follow, so it comes last.
-        return [
-            sys.executable, "-m", "snakemake", "--snakefile", str(self.sources / "Snakefile"),
-            *arguments, "--config", f"study={study}", *config,
-        ]  # fmt: skip
-
-    def environment(self):
-        # The sources of this project come first, wherever knitsim is installed from.
-        return os.environ | {"PYTHONPATH": str(self.sources)}
-
-    def run(self, *arguments, succeeds=True, **options):
-        """What a run says, on both channels."""
-        done = subprocess.run(
-            self.command(*arguments, **options), cwd=self.folder, env=self.environment(),
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=500,
-        )  # fmt: skip
-        assert (done.returncode == 0) is succeeds, done.stdout
-        return done.stdout
-
-    def start(self, *arguments):
-        """A run in a process group of its own."""
-        return subprocess.Popen(
-            self.command(*arguments), cwd=self.folder, env=self.environment(),
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
-        )  # fmt: skip
-
-    def planned(self, *arguments):
-        """The jobs that a run would do now."""
-        found = set()
-        text = self.run("--dry-run", *arguments)
-        blocks = re.split(r"^(?:local)?rule (\w+):$", text, flags=re.MULTILINE)
-        for rule, block in zip(blocks[1::2], blocks[2::2], strict=True):
-            lists = {
-                name: line.split(", ")
-                for name, line in re.findall(r"^    (\w+): (.*)$", block, flags=re.MULTILINE)
-            }
-            wildcards = dict(word.split("=", 1) for word in lists.get("wildcards", []))
-            outputs = frozenset(lists.get("output", []))
-            found.add(Job(rule, frozenset(lists.get("input", [])), outputs, wildcards))
-        assert found or "Nothing to be done" in text
-        return {job for job in found if job.rule != "all"}
-
-    def edit(self, file, old, new):
-        path = self.folder / file
-        text = path.read_text()
-        assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in {file}"
-        path.write_text(text.replace(old, new))
-
-    def files(self, pattern="**/*"):
-        """Content of the result files by path; run times and logs left out."""
-        return {
-            path.relative_to(self.results).as_posix(): path.read_bytes()
-            for path in sorted(self.results.glob(pattern))
-            if path.is_file() and not path.name.startswith(".snakemake")
-            and "benchmark" not in path.parts and path.name not in ("timing.csv", "skipped.csv")
-        }  # fmt: skip
-
-    def copy(self, folder, sources=None):
-        """This project in ``folder``, as Snakemake sees it: times of files are kept."""
-        shutil.copytree(self.folder, folder, dirs_exist_ok=True)
-        return Project(folder, sources or self.sources)
-
-
 # They run the models themselves, to time them, and on a fabric of the study.
 TIMED = ("benchmark_quick", "skipping")
-
-
-def below(jobs, first):
-    """``first`` and every one of ``jobs`` that needs them, directly or not."""
-    found, grew = set(first), True
-    while grew:
-        made = frozenset().union(*(job.outputs for job in found))
-        more = {job for job in jobs if job.inputs & made} - found
-        found, grew = found | more, bool(more)
-    return found
-
-
-def once(factory, name, build):
-    """``build(folder)`` in a folder that all processes of this test run share; its folder."""
-    root = factory.getbasetemp()
-    root = root.parent if "PYTEST_XDIST_WORKER" in os.environ else root
-    folder, done, failed = root / name, root / f"{name}.done", root / f"{name}.failed"
-    try:
-        folder.mkdir()
-    except FileExistsError:
-        deadline = time.monotonic() + 600
-        while not done.exists():
-            assert not failed.exists(), f"{name} failed in another process of this test run"
-            assert time.monotonic() < deadline, f"{name} takes too long"
-            time.sleep(0.1)
-        return folder
-    try:
-        build(folder)
-    except BaseException:
-        failed.touch()
-        raise
-    done.touch()
-    return folder
-
-
-def fresh(folder):
-    """A project with the small study and the sweep, nothing run yet."""
-    shutil.copytree(ROOT / "config", folder / "config")
-    for name, text in (("fabrics", SWEEP), ("scenes", SCENE)):
-        with (folder / STUDY / f"{name}.yaml").open("a") as file:
-            file.write(text)
-    return Project(folder)
-
-
-@pytest.fixture(scope="session")
-def finished(tmp_path_factory):
-    """The project after its run, not to be changed; its log is in log.txt."""
-
-    def build(folder):
-        (folder / "log.txt").write_text(fresh(folder).run("-c2"))
-
-    return Project(once(tmp_path_factory, "finished", build))
-
-
-@pytest.fixture(scope="session")
-def every_job(finished):
-    return finished.planned("--forceall")
-
-
-@pytest.fixture
-def project(finished, tmp_path):
-    """A copy of the finished project."""
-    return finished.copy(tmp_path)
 
 
 # The finished run
@@ -196,13 +21,14 @@ def project(finished, tmp_path):
 
 def test_all_that_is_declared_is_made_and_nothing_else(finished, every_job):
     rules = {job.rule for job in every_job}
-    assert {"yarn", "loop", "kinematic_tension", "kinematic_bending", "tables"} <= rules
+    assert {"yarn", "kinematic", "equilibrium", "readings", "tables", "page"} <= rules
     declared = {finished.folder / output for job in every_job for output in job.outputs}
     assert all(path.exists() for path in declared)
-    logs = finished.results / "benchmark/logs"
+    # Logs, and the study as it was checked.
+    beside = {finished.results / "benchmark/logs", finished.results / "study"}
     for path in finished.results.rglob("*"):
         if path.is_file() and path.name != ".snakemake_timestamp":
-            inside = {path, *path.parents} & declared or logs in path.parents
+            inside = {path, *path.parents} & declared or beside & set(path.parents)
             assert inside, f"{path} is made by no rule"
             assert not path.name.startswith("."), f"{path} is left over"
             assert not path.name.endswith((".part", ".tmp"))
@@ -361,7 +187,7 @@ def test_a_changed_density_reruns_that_fabric_and_what_shows_it(project, every_j
     own = {
         job for job in every_job if job.wildcards.get("fabric") == "small" or job.rule == "skipping"
     }
-    assert {"loop", "kinematic_tension", "kinematic_bending"} <= {job.rule for job in own}
+    assert {"kinematic", "equilibrium"} <= {job.rule for job in own}
     assert planned == below(every_job, own)
     assert not any(job.rule == "yarn" or job.rule.startswith("compile") for job in planned)
     assert {job.wildcards.get("fabric", "small") for job in planned} == {"small"}
@@ -372,18 +198,14 @@ def test_a_new_point_of_a_sweep_runs_that_point_and_the_tables(project):
     project.edit(f"{STUDY}/fabrics.yaml", "[3.3, 3.35]", "[3.3, 3.35, 3.4]")
     planned = project.planned()
     new = {job for job in planned if any("bent_loop_length_mm=3.4" in path for path in job.outputs)}
-    assert {"loop", "kinematic_bending"} <= {job.rule for job in new}
-    assert {job.rule for job in planned - new} == {"tables"}
+    assert {"kinematic_2", "readings"} <= {job.rule for job in new}
+    assert {job.rule for job in planned - new} == {"tables", "page"}
 
 
 def test_a_changed_test_reruns_that_test_and_what_shows_it(project, every_job):
     project.edit(f"{STUDY}/scenes.yaml", "kinematic_bending: {steps: 4}", "kinematic_bending: {}")
-    own = {
-        job
-        for job in every_job
-        if job.rule == "kinematic_bending" and job.wildcards["fabric"] == "small"
-    }
-    assert len(own) == 2
+    own = {job for job in every_job if job.rule == "kinematic"}
+    assert len(own) == 1
     assert project.planned() == below(every_job, own)
 
 
@@ -422,18 +244,15 @@ def edited(moved):
 def test_an_edited_bending_kernel_reruns_bending_and_what_depends_on_it(edited, every_job):
     planned = edited("knitsim/kinematic/bending_kernels.py")
     # Kernels are compiled anew, and only the table of run times shows that.
-    own = {
-        job
-        for job in every_job
-        if job.rule.startswith(("kinematic_bending", "compile", "benchmark"))
-    }
+    own = {job for job in every_job if job.rule.startswith(("kinematic", "compile", "benchmark"))}
     assert planned == below(every_job, own)
-    assert {"kinematic_bending", "tables"} <= {job.rule for job in planned}
-    assert not {"kinematic_tension", "yarn", "loop"} & {job.rule for job in planned}
+    assert {"kinematic", "kinematic_2", "tables"} <= {job.rule for job in planned}
+    assert not {"equilibrium", "yarn", "yarn_to_fabric"} & {job.rule for job in planned}
 
 
 def test_an_edited_tension_model_reruns_tension_and_what_depends_on_it(edited, every_job):
-    own = {job for job in every_job if job.rule in ("kinematic_tension", *TIMED)}
+    # The fabrics of the sweep are bent only: theirs is another rule.
+    own = {job for job in every_job if job.rule in ("kinematic", *TIMED)}
     assert edited("knitsim/kinematic/tension.py") == below(every_job, own)
 
 
@@ -443,194 +262,5 @@ def test_an_edited_figure_module_reruns_figures_only(edited, every_job):
 
 
 def test_an_edited_script_reruns_its_rule(edited, every_job):
-    own = {job for job in every_job if job.rule == "kes"}
-    assert edited("workflow/scripts/kes.py") == below(every_job, own)
-
-
-# Interruptions
-
-
-def wait_for(condition, process, seconds=300):
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert process.poll() is None, "the run ended before it could be interrupted"
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-
-
-def kill_and_resume(project, finished, moment, *targets):
-    """Kill the run and all its jobs as soon as a file fits ``moment``; resume as the README says."""
-    with project.start("-c2", *targets) as process:
-        try:
-            wait_for(lambda: any(project.results.glob(moment)), process)
-        finally:
-            os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-    # Killed in the middle: otherwise this proves nothing.  A half-written file may be there.
-    whole = {name for name in project.files() if not name.endswith(".part")}
-    assert whole < set(finished.files())
-    project.run("--unlock")
-    project.run("-c2", *targets, "--rerun-incomplete")
-    assert project.files() == finished.files()
-    assert not [path for path in project.results.rglob("*.part")]
-
-
-def remove_results(project, kinds):
-    """Remove the netCDF files below the folders ``kinds``; their paths."""
-    found = [path for kind in kinds for path in sorted(project.results.glob(f"{kind}/**/*.nc"))]
-    for path in found:
-        path.unlink()
-    return [path.relative_to(project.folder).as_posix() for path in found]
-
-
-@pytest.mark.slow
-def test_kill_in_the_middle_then_resume(project, finished):
-    targets = remove_results(project, ["bending"])
-    assert len(targets) == 6
-    kill_and_resume(project, finished, "bending/*/*.nc", *targets)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "moment",
-    [
-        "benchmark/logs/compile_*.log",
-        "benchmark/stages/compile_yarn.csv",
-        "benchmark/logs/yarn_small.log",
-        "yarn/small.nc",
-        "loop/small.nc",
-        "tensile/small/*.nc",
-        "figures/*.svg",
-    ],
-)
-def test_kill_at_any_moment_then_resume(tmp_path, finished, moment):
-    kill_and_resume(fresh(tmp_path), finished, moment)
-
-
-@pytest.mark.slow
-def test_terminate_then_plain_rerun_gives_the_same_bytes(project, finished):
-    """All netCDF files anew, so that this is the second run that gives the same bytes."""
-    targets = remove_results(project, ["*"])
-    loops = project.results / "loop"
-    with project.start("-c2", *targets) as process:
-        wait_for(lambda: any(loops.glob("*.nc")), process)
-        process.terminate()
-        assert process.wait(timeout=300) != 0
-    kept = {path: path.stat().st_mtime_ns for path in loops.glob("*.nc")}
-    assert kept and set(project.files()) < set(finished.files())
-    project.run("-c2", *targets)
-    assert project.files() == finished.files()
-    # What was finished is not made again.
-    assert all(path.stat().st_mtime_ns == time for path, time in kept.items())
-
-
-@pytest.mark.slow
-def test_two_runs_give_the_same_bytes(project, finished):
-    shutil.rmtree(project.results)
-    project.run("-c2")
-    assert project.files() == finished.files()
-
-
-# Refusals and failures
-
-
-def write_curve(project):
-    rows = "".join(f"{0.002 * k:.3f},{0.1 * k:.2f}\n" for k in range(30))
-    rows = rows.replace("0.020,1.00", "0.020,nan")
-    (project.folder / STUDY / "curve.csv").write_text(f"# measured\nstrain,force_N\n{rows}")
-    project.edit(
-        f"{STUDY}/yarns.yaml",
-        "tension_law: {kind: points, strain: [0, 0.02, 0.08], tension_N: [0, 0.6, 3.0]}",
-        "tension_curve: {file: curve.csv, kind: two_slope}",
-    )
-
-
-def change(file, old, new):
-    return lambda project: project.edit(f"{STUDY}/{file}.yaml", old, new)
-
-
-LENGTH = "loop_length_mm: 3.3\n"
-REFUSED = {
-    "misspelt key": (
-        change("fabrics", LENGTH, "loop_lenght_mm: 3.3\n"),
-        ["config/small/fabrics.yaml: small.loop_lenght_mm", "loop_length_mm"],
-    ),
-    "negative density": (
-        change("fabrics", LENGTH, f"{LENGTH}  wales_per_cm: -3\n"),
-        ["config/small/fabrics.yaml: small.wales_per_cm = -3", "above 0"],
-    ),
-    "short loop": (
-        change("fabrics", LENGTH, "loop_length_mm: 2.5\n"),
-        ["config/small/fabrics.yaml: small.loop_length_mm = 2.5", "must be at least"],
-    ),
-    "missing file": (
-        lambda project: (project.folder / STUDY / "scenes.yaml").unlink(),
-        ["config/small/scenes.yaml: no such file"],
-    ),
-    "missing curve": (
-        change("yarns", "count_tex: 20", "count_tex: 20\n  tension_curve: {file: no.csv, kind: bilinear}"),
-        ["config/small/yarns.yaml: small.tension_curve.file = 'no.csv': no such file"],
-    ),
-    "curve with NaN": (write_curve, ["config/small/curve.csv:13", "nan"]),
-}  # fmt: skip
-
-
-def refusal(project, **options):
-    """The one line with which a run refuses its input."""
-    lines = project.run("-c2", succeeds=False, **options).strip().splitlines()
-    assert len(lines) == 1, lines
-    assert not project.results.exists()
-    return lines[0]
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_bad_input_is_refused_in_one_line(tmp_path, case):
-    project = fresh(tmp_path)
-    break_it, words = REFUSED[case]
-    break_it(project)
-    line = refusal(project)
-    assert line.startswith("knitsim: ")
-    for word in words:
-        assert word in line
-    if case == "short loop":
-        # What the message says would be right is right.
-        least = re.search(r"must be at least ([\d.]+) mm", line)[1]
-        project.edit(f"{STUDY}/fabrics.yaml", "loop_length_mm: 2.5", f"loop_length_mm: {least}")
-        assert project.planned()
-
-
-def test_bad_arguments_are_refused_in_one_line(tmp_path):
-    project = fresh(tmp_path)
-    assert refusal(project, study="nowhere") == (
-        "knitsim: nowhere/scenes.yaml: no such file; a study has yarns, fabrics, scenes"
-    )
-    assert refusal(project, config=["fabric=small"]) == (
-        "knitsim: --config fabric = small: must be study=DIR, results=DIR, seed=NUMBER or cases=NUMBER"
-    )
-    for sample in ("cases=0", "seed=new"):
-        key, _, value = sample.partition("=")
-        assert refusal(project, config=[sample]) == (
-            f"knitsim: --config {key} = {value}: must be a whole number above 0"
-        )
-    assert "shear_campaign_part" in project.run(
-        "--dry-run", "shear_campaign", config=["seed=7", "cases=3"]
-    )
-
-
-def test_a_failed_job_says_where_and_why_and_leaves_the_others(project, finished):
-    # Friction far above the tension of the yarn: valid input of a test that cannot recover.
-    project.edit(
-        f"{STUDY}/scenes.yaml", "max_strain: 0.03",
-        "max_strain: 0.03, viscous_coefficient_N_s_per_m: 1.0e+8",
-    )  # fmt: skip
-    output = project.run("-c2", succeeds=False)
-    said = [line for line in output.splitlines() if line.startswith("knitsim: ")]
-    assert len(said) == 1
-    assert "config/small/yarns.yaml: small" in said[0] and "friction" in said[0]
-    assert "Traceback" not in output
-    log = (project.results / "benchmark/logs/yarn_small.log").read_text()
-    assert "ComputationError" in log and said[0].removeprefix("knitsim: ") in log
-    # No old result stands in for the failed one; those of the other jobs stay.
-    assert not (project.results / "yarn/small.nc").exists()
-    kept, before = project.files("**/*.nc"), finished.files("**/*.nc")
-    assert kept == {path: content for path, content in before.items() if path != "yarn/small.nc"}
+    own = {job for job in every_job if job.rule == "readings"}
+    assert edited("workflow/scripts/readings.py") == below(every_job, own)

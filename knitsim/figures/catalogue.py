@@ -105,22 +105,22 @@ FIGURES = (
         " direction of twist; they are no fibres.",
     ),
     Figure(
-        "fig06_course_deformation", "tension", "loop_tension", "fabric", ("tension_course",),
+        "fig06_course_deformation", "paper", "loop_tension", "fabric", ("tension_course",),
         "Fig. 6 of the paper: a loop pulled along the course. By eq. (4) as printed the edge stays where"
         " it is and the yarns run into each other; corrected, every section moves in proportion.",
     ),
     Figure(
-        "fig07_course_contraction", "tension", "loop_tension", "fabric", ("tension_course",),
+        "fig07_course_contraction", "paper", "loop_tension", "fabric", ("tension_course",),
         "Fig. 7 of the paper: how the loop contracts along the wale under course tension. The paper gives"
         " the limit only, in two ways that differ; the equilibrium model needs none.",
         ("equilibrium_course",),
     ),
     Figure(
-        "fig08_wale_deformation", "tension", "loop_tension", "fabric", ("tension_wale",),
+        "fig08_wale_deformation", "paper", "loop_tension", "fabric", ("tension_wale",),
         "Fig. 8 of the paper: a loop pulled along the wale, eq. (5) as printed and corrected.",
     ),
     Figure(
-        "fig09_wale_contraction", "tension", "loop_tension", "fabric", ("tension_wale",),
+        "fig09_wale_contraction", "paper", "loop_tension", "fabric", ("tension_wale",),
         "Fig. 9 of the paper: how the loop contracts along the course under wale tension.",
         ("equilibrium_wale",),
     ),
@@ -135,13 +135,13 @@ FIGURES = (
         " printed.",
     ),
     Figure(
-        "fig13_fabric_under_tension", "tension", "tension", "fabric", _KINEMATIC,
+        "fig13_fabric_under_tension", "paper", "tension", "fabric", _KINEMATIC,
         "Fig. 13 of the paper: the fabric under tension in both models, to one scale. Affine loops are"
         " pressed into each other (closest centre lines well below one diameter); in equilibrium they"
         " slide and bend instead.", _SOLVED,
     ),
     Figure(
-        "fig14_fabric_tension", "tension", "tension", "fabric", _KINEMATIC,
+        "fig14_fabric_tension", "paper", "tension", "fabric", _KINEMATIC,
         "Fig. 14 of the paper: force of the fabric against strain in both models, the small forces once"
         " more, and the tension of the yarn, which the paper plots, in each of its readings. The affine"
         " model has no force until its loop has contracted as far as it may, and then hundreds of times"

@@ -13,8 +13,12 @@ Three functions take the arrays of a test in SI, as they stand in a result file 
 :func:`shear`; ``tension_of``, ``bending_of`` and ``shear_of`` take single passes, which may also be
 functions (:class:`FunctionPass`).  Each gives an :class:`Evaluation`: parameters in SI and gf units
 with the definition used and an error estimate, and the reason for each parameter left out.  Nothing
-is extrapolated.
+is extrapolated.  Called, the module is the function of the library, :func:`knitsim.library.kes.kes`.
 """
+
+import sys
+from importlib import import_module
+from types import ModuleType
 
 from knitsim.kes.bending_test import bending, bending_of
 from knitsim.kes.result import Evaluation, Parameter
@@ -37,3 +41,14 @@ __all__ = [
     "tension",
     "tension_of",
 ]
+
+
+class _Room(ModuleType):
+    """The room and the function of the library have one name: ``knitsim.kes(test)``."""
+
+    def __call__(self, *arguments, **options):
+        # By name, since the library stands above this room.
+        return import_module("knitsim.library.kes").kes(*arguments, **options)
+
+
+sys.modules[__name__].__class__ = _Room

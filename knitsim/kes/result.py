@@ -59,7 +59,7 @@ class Evaluation:
     """Parameters by name, the reasons for those left out by name, and how each pass was read.
 
     ``evaluation["B"]`` is a :class:`Parameter`; KeyError with the reason if it was left out.
-    Printed, it lists all of them with their definitions.
+    Printed, it is one line; :meth:`described` lists all of them with their definitions.
     """
 
     parameters: Mapping[str, Parameter]
@@ -92,7 +92,18 @@ class Evaluation:
             for name, reason in self.left_out.items()
         ]  # fmt: skip
 
+    def __repr__(self):
+        told = []
+        for one in list(self.parameters.values())[:6]:
+            unit = "" if one.kes_units == "1" else f" {one.kes_units}"
+            told.append(f"{one.name} {one.kes_value:.3g}{unit}")
+        return f"<KES: {', '.join(told) or 'nothing could be read'}>"
+
     def __str__(self):
+        return repr(self)
+
+    def described(self):
+        """All parameters with their definitions, the reasons for those left out, and how it was read."""
         lines = [str(parameter) for parameter in self.parameters.values()]
         lines += [f"{name} left out: {reason}" for name, reason in self.left_out.items()]
         return "\n".join([*lines, *self.read])

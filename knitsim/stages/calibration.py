@@ -67,13 +67,13 @@ def problem_of(fabric, name, built, measured):
     entry = fabric["calibrations"][name]
     return Problem(
         built,
-        [Parameter(p.name, p.low, p.high, _inside(p)) for p in free_of(fabric, name)],
+        [Parameter(p.name, p.low, p.high, inside(p)) for p in free_of(fabric, name)],
         [measured[curve] for curve in entry["fit"]],
         kind=entry["residual"], misfit=entry["misfit"], resolution=settings_of(fabric).resolution,
     )  # fmt: skip
 
 
-def _inside(free):
+def inside(free):
     """The start, off the bounds: a search that starts on one hardly leaves it."""
     room = INSIDE * (free.high - free.low)
     return min(max(free.start, free.low + room), free.high - room)

@@ -12,6 +12,7 @@ from knitsim.errors import InputError
 from knitsim.measured.read import read_entry
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
+from knitsim.stages.remedy import ROOM, remedies
 from knitsim.store.tensile import stack_variants
 from knitsim.store.writer import to_json
 from knitsim.study.contact_keys import stated_contact
@@ -46,8 +47,11 @@ def solver_fabric(fabric, law, *, friction=False, set_fraction=None, loop_length
 
 
 @contextmanager
-def named_by_key(fabric):
-    """Refusals of the solver about a quantity of a FabricInput name the key that states it."""
+def named_by_key(fabric, law=None):
+    """Refusals of the solver about a quantity of a FabricInput name the key that states it.
+
+    law: TensionLaw of its yarn; with it a yarn that has no room in its loop is told what would have.
+    """
     try:
         yield
     except InputError as error:
@@ -55,7 +59,10 @@ def named_by_key(fabric):
         given = next((one for one in (fabric, fabric.yarn) if quantity in one.values), None)
         if given is None:
             raise
-        raise InputError(*given.stated(quantity), f"fabric {fabric.name}: {error.right}") from error
+        right = f"fabric {fabric.name}: {error.right}"
+        if law is not None and quantity in ROOM:
+            right += f"; {remedies(fabric, lambda changed: solver_fabric(changed, law))}"
+        raise InputError(*given.stated(quantity), right) from error
 
 
 @dataclass(frozen=True)
@@ -99,7 +106,8 @@ def settings_of(fabric):
 
 def at_rest(fabric, law, resolution, **options):
     """A FabricInput at rest; law, options: as :func:`solver_fabric` takes them."""
-    return relax(solver_fabric(fabric, law, **options), resolution)
+    with named_by_key(fabric, law):
+        return relax(solver_fabric(fabric, law, **options), resolution)
 
 
 def at_rest_again(fabric, resolution, **options):

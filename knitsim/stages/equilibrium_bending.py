@@ -31,7 +31,7 @@ def curvatures_of(choice):
     return np.concatenate([[0.0], *[cycle] * choice["cycles"]])
 
 
-def _relaxed(fabric, law, choice, resolution):
+def relaxed_for(fabric, law, choice, resolution):
     built = solver_fabric(fabric, law, friction=choice["friction"], set_fraction=choice["set"])
     if choice["friction"]:
         built = replace(built, bending_hysteresis=fabric.yarn["bending_hysteresis"])
@@ -77,7 +77,7 @@ def run(fabric, laws, direction):
     solved, curves = {}, {}
     for name, choice in fabric.scene[STAGE]["variants"].items():
         with timings.measure(f"{name}, with its error estimate"):
-            relaxed = _relaxed(fabric, laws["continuous"], choice, settings.resolution)
+            relaxed = relaxed_for(fabric, laws["continuous"], choice, settings.resolution)
             curve = bent(fabric, relaxed, direction, name, **settings.errors)
         curves[name] = curve
         solved[name] = curve, partial(bend_dataset, curve)

@@ -10,7 +10,7 @@ from knitsim.equilibrium.density import fit_density
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
 from knitsim.stages.described import describe_stage
-from knitsim.stages.equilibrium import at_rest_again, settings_of, solver_fabric
+from knitsim.stages.equilibrium import at_rest_again, named_by_key, settings_of, solver_fabric
 from knitsim.stages.ledger import effect_dataset
 from knitsim.store.schema import ENERGY_TERMS
 from knitsim.store.tensile import loop_coordinates
@@ -49,25 +49,23 @@ def _over_loop_length(fabric, law, resolution):
     return factors * fabric["loop_length"], spacings, reasons
 
 
-def run(fabric, laws):
-    """(dataset, timings) of a FabricInput; laws: TensionLaw of its yarn by form."""
-    timings = Timings(STAGE, fabric.name)
-    law, test = laws["continuous"], fabric.scene[STAGE]
-    built, settings = solver_fabric(fabric, law), settings_of(fabric)
-    resolution = settings.resolution
-    relaxed = timings.repeat("relaxing", lambda: relax(built, resolution))
-    with timings.measure("its error"):
-        relaxed, error = rest_to(relaxed, settings.accuracy)
-    with timings.measure("relaxed density over loop length and set"):
-        lengths, spacings, reasons = _over_loop_length(fabric, law, resolution)
+def rest_dataset(fabric, relaxed, error):
+    """Dataset of a FabricInput at rest; error: estimated relative error of its spacings.
+
+    A density that nobody stated is not a number.
+    """
     lines = relaxed.centrelines
-    dataset = xr.Dataset(
+    stated = {
+        f"stated_{name}": fabric[name] if fabric.is_stated(name) else np.nan
+        for name in ("wale_spacing", "course_spacing")
+    }
+    cell = relaxed.model.cell
+    return xr.Dataset(
         {
             "centreline": (("loop", "point", "axis"), lines),
             "wale_spacing": relaxed.wale_spacing,
             "course_spacing": relaxed.course_spacing,
-            "stated_wale_spacing": fabric["wale_spacing"],
-            "stated_course_spacing": fabric["course_spacing"],
+            **stated,
             "loop_length": fabric["loop_length"],
             "diameter": fabric.yarn["diameter"],
             "kc": fabric["loop_length"] / relaxed.course_spacing,
@@ -78,17 +76,39 @@ def run(fabric, laws):
             "crossings_intact": np.int8(relaxed.crossings_intact),
             "iterations": relaxed.iterations,
             "spacing_error": error,
+        },
+        {
+            **loop_coordinates(lines.shape[1], cell.wales, cell.courses),
+            "term": list(ENERGY_TERMS),
+        },
+    )
+
+
+def run(fabric, laws):
+    """(dataset, timings) of a FabricInput; laws: TensionLaw of its yarn by form."""
+    timings = Timings(STAGE, fabric.name)
+    law, test = laws["continuous"], fabric.scene[STAGE]
+    settings = settings_of(fabric)
+    resolution = settings.resolution
+    with named_by_key(fabric, law):
+        built = solver_fabric(fabric, law)
+        relaxed = timings.repeat("relaxing", lambda: relax(built, resolution))
+    with timings.measure("its error"):
+        relaxed, error = rest_to(relaxed, settings.accuracy)
+    with timings.measure("relaxed density over loop length and set"):
+        lengths, spacings, reasons = _over_loop_length(fabric, law, resolution)
+    compared = xr.Dataset(
+        {
             "compared_loop_length": ("compared", lengths),
             "compared_spacing": (("set", "compared", "spacing"), spacings),
         },
         {
-            **loop_coordinates(lines.shape[1]),
-            "term": list(ENERGY_TERMS),
             "set": list(test["set_compared"]),
             "compared": np.arange(lengths.size),
             "spacing": ["wale", "course"],
         },
     )
+    dataset = rest_dataset(fabric, relaxed, error).merge(compared)
     if test["fit_density"]:
         with timings.measure("loop length and set fitted to the stated density"):
             fit = fit_density(built, resolution)

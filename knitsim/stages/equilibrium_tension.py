@@ -22,12 +22,12 @@ STAGE = "equilibrium_tension"
 HEADLINE_STRAINS = (0.2, 0.6)
 
 
-def _strains(choice, direction):
+def strains_of(choice, direction):
     top = choice[f"max_strain_{direction}"]
     return top * np.arange(1, choice["states"] + 1) / choice["states"]
 
 
-def _conditions(choice):
+def conditions_of(choice):
     """Arguments of knitsim.equilibrium.pull.tensile that one condition stands for."""
     lateral = choice["lateral_load"] if choice["lateral"] == "loaded" else choice["lateral"]
     kept = {name: choice[name] for name in ("recovery", "cycles", "to_force")}
@@ -55,7 +55,7 @@ def run(fabric, laws, direction):
     timings, settings = Timings(STAGE, fabric.name, direction), settings_of(fabric)
     solved, curves = {}, {}
     for name, choice in fabric.scene[STAGE]["variants"].items():
-        strains, conditions = _strains(choice, direction), _conditions(choice)
+        strains, conditions = strains_of(choice, direction), conditions_of(choice)
         with timings.measure(f"{name}, with its error estimate"):
             relaxed = at_rest(
                 fabric, laws["continuous"], settings.resolution, friction=choice["friction"]

@@ -10,11 +10,15 @@ FORMS = ("continuous", "printed")
 
 
 def stated_law(yarn, form="continuous"):
-    """The whole yarn's TensionLaw from its constants, or None if only a curve is given.
+    """The whole yarn's TensionLaw from its constants, or None if a curve is given instead.
 
     yarn: knitsim.configuration YarnInput; form: of a secant law, ``printed`` keeps its jump.
     """
     given = yarn["tension_law"]
+    if yarn["modulus"] is not None:
+        strain = yarn["breaking_strain"]
+        tension = yarn["modulus"] * yarn["linear_density"] * strain
+        return TensionLaw([0.0, strain], [0.0, tension], strain, False)
     if given is None:
         return None
     if given["kind"] == "bilinear":

@@ -9,6 +9,7 @@ from knitsim.loop.repeat import bent_courses, fabric_courses
 from knitsim.store.reader import opened
 from knitsim.store.results import DIRECTIONS
 
+KINDS = ("tensile", "bending")
 LOOPS = 2  # loops each way in a file, more where the repeating cell has more
 MOST_POINTS = 50  # points a loop: files of about 50 kB
 
@@ -51,7 +52,7 @@ def run(files, directory):
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
     for dataset in opened(files):
-        if "centreline" not in dataset:
+        if dataset.attrs["kind"] not in KINDS or "centreline" not in dataset:
             continue
         name = "_".join(dataset.attrs[label] for label in ("model", "kind", "direction"))
         radius, series = 0.5 * float(dataset["diameter"]), []

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
+from knitsim.errors import InputError
 from knitsim.stages.described import describe_stage
 from knitsim.stages.laws import (
     FORMS,
@@ -31,6 +32,8 @@ FIBRE_PATH_SECTIONS = 9
 def layout_of(yarn):
     """FibreLayout of a YarnInput."""
     fibre = solid_diameter(yarn["linear_density"], yarn["fibres"], yarn["density"])
+    if yarn["fibres"] == 1:
+        fibre = min(fibre, yarn["diameter"])  # as it is stated, rounded
     return pack(
         yarn["fibres"], yarn["diameter"], fibre, where=yarn.where("fibres")[: -len(".fibres")]
     )
@@ -139,13 +142,26 @@ def headlines(yarn):
     return found
 
 
+def _law_alone(yarn, laws, why):
+    """Dataset of a YarnInput whose fibres cannot be drawn: the law, and in ``stopped`` the reason."""
+    dataset = xr.Dataset(law_variables(laws), {"form": list(FORMS)}, {"stopped": why})
+    return describe_stage(
+        dataset, yarn, STAGE, title=f"Yarn {yarn.name}", summary="Tension law of the yarn.",
+        references=("paper",),
+    )  # fmt: skip
+
+
 def run(yarn):
     """(dataset, timings) of a YarnInput."""
     timings = Timings(STAGE, yarn.name)
     with timings.measure("calibration"):
         calibration = calibration_of(yarn)
     laws = laws_of(yarn, calibration)
-    layout = layout_of(yarn)
+    try:
+        layout = layout_of(yarn)
+    except InputError as error:
+        # Fabrics need the law, not the fibres.
+        return _law_alone(yarn, laws, str(error)), timings
     test = yarn.scene["tensile_test"]
     readings = test["readings"] if test is not None else ()
     results = {}

@@ -65,11 +65,26 @@ def open_store(
 
 
 def opened(files, **labels):
-    """The datasets of result files, each open until the next: those with these attributes."""
+    """The datasets of result files, each open until the next: those with these attributes.
+
+    Those of tests that were stopped, which hold no numbers, are passed over: see :func:`stopped`.
+    """
     for file in files:
         with xr.open_dataset(file, engine="netcdf4") as dataset:
-            if all(dataset.attrs[name] == value for name, value in labels.items()):
+            if "stopped" not in dataset.attrs and all(dataset.attrs[name] == value for name, value in labels.items()):
                 yield dataset
+
+
+def attributes(path):
+    """The global attributes of a result file."""
+    with netCDF4.Dataset(path) as file:
+        return {name: file.getncattr(name) for name in file.ncattrs()}
+
+
+def stopped(files):
+    """[(attributes, reason)] of those result files that hold a reason instead of numbers."""
+    found = map(attributes, files)
+    return [(about, about["stopped"]) for about in found if "stopped" in about]
 
 
 def scalar_table(root="results"):

@@ -69,6 +69,7 @@ RESULTS = {
             "sensitivity", "sensitivity", "sensitivity/{fabric}.nc", "equilibrium",
             keywords="sensitivity analysis",
         ),
+        Result("sweep", "sweep", "sweep/{fabric}.nc", "equilibrium", keywords="parameter study"),
         Result(
             "calibration", "measured", "measured/{fabric}/{calibration}.nc", "equilibrium",
             keywords="calibration, prediction, measured curves",

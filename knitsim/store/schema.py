@@ -28,6 +28,7 @@ class Name:
 COORDINATES = {
     "axis": Name(None, "fabric axis; thickness is positive to the technical face"),
     "term": Name(None, "energy term"),
+    "fabric": Name(None, "name of the fabric"),
     "variant": Name(None, "reading of the same test"),
     "step": Name("1", "number of the stored state, in the order of the test"),
     "loop": Name("1", "number of the loop in the repeating cell, along its courses in turn"),
@@ -75,7 +76,7 @@ COORDINATES = {
     "cycle": Name("1", "number of the cycle, from 1"),
     "segment": Name("1", "number of the turning point that the test goes towards, from 0"),
     "row": Name("1", "number of the row of a table"),
-    "test": Name(None, "kind of test: tensile, bending or shear"),
+    "test": Name(None, "test: its kind (tensile, bending or shear), or as the library writes it"),
     "model": Name(None, "kinematic or equilibrium"),
     "direction": Name(None, "direction pulled, or that becomes curved"),
     "kes_parameter": Name(None, "name of a KES parameter"),
@@ -162,6 +163,7 @@ VARIABLES = {
     # tension and bending
     "force_per_loop": Name("N", "derivative of one loop's energy by the spacing pulled"),
     "force_per_width": Name("N m-1", "force over the transverse spacing of the starting state"),
+    "transverse_force_per_width": Name("N m-1", "force across the pull over the starting spacing along it"),
     "moment_per_width": Name("N", "derivative of the energy per area at rest by the curvature"),
     "yarn_tension": Name("N", "tension of the yarn, mean over the loop"),
     "yarn_strain": Name("1", "strain of the yarn, mean over the loop"),
@@ -201,6 +203,10 @@ VARIABLES = {
     "assumption_effect": Name(
         "1", "relative change of the quantity with the alternative value of the assumed input"
     ),
+    # sweeps
+    "reason": Name(None, "why a fabric or one of its tests has no result, or ended early"),
+    "state_wale_spacing": Name("m", "distance of neighbouring wales in each state of a test"),
+    "state_course_spacing": Name("m", "distance of neighbouring courses in each state of a test"),
     # measured curves, calibration and prediction
     "start_value": Name(None, "value as given, from which the fit started; unit in parameter_units"),
     "parameter_bound": Name(None, "bounds of the fit; unit in parameter_units"),

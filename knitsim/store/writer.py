@@ -1,7 +1,10 @@
 """Writing result files: names checked against the schema, the same input to the same bytes."""
 
+import errno
 import hashlib
 import json
+import os
+import shutil
 
 import numpy as np
 
@@ -20,6 +23,7 @@ from knitsim.store.schema import (
 # Shapes are rounded to seven significant digits (below 1 nm on a loop): files 3 times smaller.
 SHAPE_DIGITS = 7
 LICENSE = "that of whoever ran the study; knitsim (BSD-3-Clause) claims no right in results"
+_SPARE = 2**20  # bytes that a file takes beyond its numbers, at most
 _NEEDED = (*LABELS, "title", "source_hash", "configuration", "assumptions")
 
 
@@ -64,6 +68,32 @@ def describe(
     return dataset
 
 
+def with_attributes(dataset, own=()):
+    """A copy of ``dataset`` whose variables say their unit, meaning and flags, as the schema has them.
+
+    own: names that the schema does not know and that say it themselves.
+
+    Raises ValueError for a name that the schema does not know.
+    """
+    dataset = dataset.copy(deep=False)
+    for name in dataset.variables:
+        if name in own:
+            continue
+        table = COORDINATES if name in dataset.coords else VARIABLES
+        if name not in table:
+            raise ValueError(f"'{name}' is not in the result schema")
+        entry, variable = table[name], dataset[name].variable
+        attributes = {"long_name": entry.long_name}
+        if entry.units is not None:
+            attributes["units"] = entry.units
+        if entry.flags:
+            attributes["flag_values"] = np.arange(len(entry.flags), dtype=np.int8)
+            attributes["flag_meanings"] = " ".join(entry.flags)
+        # A new variable: attributes of the caller's dataset stay as they are.
+        dataset[name] = dataset[name].assign_attrs({**variable.attrs, **attributes})
+    return dataset
+
+
 def write(dataset, path):
     """Write an xarray Dataset to the netCDF file ``path``; whole or not at all.
 
@@ -72,19 +102,11 @@ def write(dataset, path):
     for needed in _NEEDED:
         if needed not in dataset.attrs:
             raise ValueError(f"{path}: attribute {needed} is missing")
-    dataset = dataset.copy(deep=False)
+    dataset = with_attributes(dataset)
     encoding = {}
     for name in dataset.variables:
-        table = COORDINATES if name in dataset.coords else VARIABLES
-        if name not in table:
-            raise ValueError(f"{path}: '{name}' is not in the result schema")
-        entry, variable = table[name], dataset[name].variable
-        attributes = {"long_name": entry.long_name}
-        if entry.units is not None:
-            attributes["units"] = entry.units
-        if entry.flags:
-            attributes["flag_values"] = np.arange(len(entry.flags), dtype=np.int8)
-            attributes["flag_meanings"] = " ".join(entry.flags)
+        entry = (COORDINATES if name in dataset.coords else VARIABLES)[name]
+        variable = dataset[name].variable
         own = encoding[name] = {"_FillValue": None}
         if entry.flags:
             own["dtype"] = "int8"
@@ -92,7 +114,11 @@ def write(dataset, path):
             own |= {"zlib": True, "complevel": 4, "shuffle": True}
             if entry.shape:
                 own |= {"significant_digits": SHAPE_DIGITS, "quantize_mode": "GranularBitRound"}
-        # A new variable: attributes of the caller's dataset stay as they are.
-        dataset[name] = dataset[name].assign_attrs({**variable.attrs, **attributes})
     with replacing(path) as partial:
-        dataset.to_netcdf(partial, engine="netcdf4", encoding=encoding)
+        try:
+            dataset.to_netcdf(partial, engine="netcdf4", encoding=encoding)
+        except (OSError, RuntimeError) as error:
+            # HDF5 does not say why; a full disk is by far the likeliest.
+            if shutil.disk_usage(partial.parent).free < dataset.nbytes + _SPARE:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path)) from error
+            raise

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from knitsim import units
 from knitsim.errors import InputError
+from knitsim.study.count import count_of
+from knitsim.study.trade import MEANT
 
 _NAME = re.compile(r"[A-Za-z0-9]([A-Za-z0-9_.+-]{0,58}[A-Za-z0-9])?")
 
@@ -82,6 +84,8 @@ def _check_keys(section, raw, where, sweeps):
 
 def _what_is_known(section, name):
     """Says what an unknown key may have been meant to be."""
+    if (meant := MEANT.get(name.lower())) and any(section.key(one) for one in meant):
+        return f"here it is called {' or '.join(one for one in meant if section.key(one))}"
     for keys in section.quantities().values():
         for key in keys:
             if key.unit and (name == key.stem or name.startswith(f"{key.stem}_")):
@@ -130,7 +134,7 @@ def check_points(key, raw, where, sweeps):
 
 def _assumption(key, raw, where):
     """The keywords of Stated from a mapping {assumed, range, because}."""
-    numeric = key.kind in ("number", "integer")
+    numeric = key.kind in ("number", "integer", "count")
     known = {"assumed", "because", "range" if numeric else "choices"}
     for name in raw:
         if name not in known:
@@ -166,6 +170,13 @@ def check_value(key, value, where):
     """``value`` as the kind of ``key``: float, int, bool, str or a list.  Raises InputError."""
     if key.kind in ("number", "integer"):
         return _check_number(key, value, where)
+    if key.kind == "count":
+        stated = key.unit if key.name.endswith(f"_{key.unit}") else None
+        if stated and not isinstance(value, str):
+            return _check_number(key, value, where)
+        count = count_of(value, key.unit, where, stated)
+        _check_number(key, float(count), where)
+        return count
     if key.kind == "flag":
         if not isinstance(value, bool):
             raise InputError(where, shown(value), "must be true or false")

@@ -13,6 +13,8 @@ LARGEST_TURN = 45.0  # degrees from section to section
 LARGEST_SURFACE_ANGLE = 60.0  # degrees, of the outermost fibre to the yarn axis
 # Of the largest curvature times half the thickness, which is at least one diameter: two yarns cross.
 TIGHTEST_BEND = 0.5
+ROUNDED = 0.02  # of a stated diameter
+MOST_WALES = 1.05  # times the courses: beyond, they are taken to be exchanged
 DENSEST_PACKING = math.pi / math.sqrt(12.0)  # hexagonal, of equal circles
 
 
@@ -24,13 +26,7 @@ def surface_angle(yarn):
 def check_yarn(yarn):
     """Raises InputError if the keys of ``yarn`` (a YarnInput) contradict each other."""
     _check_law(yarn)
-    least = math.sqrt(4.0 * yarn["linear_density"] / (math.pi * yarn["density"] * DENSEST_PACKING))
-    if yarn["diameter"] < least:
-        raise InputError(
-            *yarn.stated("diameter"),
-            f"must be at least {least * 1e3:.4g} mm: the fibres alone fill that much at density "
-            f"{yarn['density'] / 1e3:.4g} g/cm3",
-        )
+    _check_diameter(yarn)
     _check_contact(yarn)
     if surface_angle(yarn) > LARGEST_SURFACE_ANGLE:
         most = math.tan(math.radians(LARGEST_SURFACE_ANGLE)) / (math.pi * yarn["diameter"])
@@ -47,6 +43,24 @@ def check_yarn(yarn):
             f"must be at most {most * 1e3:.4g} mm: the twist turns {turn:.3g} degrees per section, "
             f"and more than {LARGEST_TURN:g} is not resolved",
         )
+
+
+def _check_diameter(yarn):
+    one = yarn["fibres"] == 1
+    densest = 1.0 if one else DENSEST_PACKING
+    solid = math.sqrt(4.0 * yarn["linear_density"] / (math.pi * yarn["density"]))
+    least = solid / math.sqrt(densest)
+    if yarn["diameter"] * (1.0 + ROUNDED) >= least:
+        return
+    if not yarn.is_stated("diameter"):
+        raise InputError(
+            *yarn.stated("packing"), f"must be at most {densest:.4g}, that of parallel round fibres"
+        )
+    raise InputError(
+        *yarn.stated("diameter"),
+        f"must be at least {least * 1e3:.4g} mm: the fibres alone fill that much at density "
+        f"{yarn['density'] / 1e3:.4g} g/cm3",
+    )
 
 
 def _check_contact(yarn):
@@ -68,11 +82,10 @@ def _check_contact(yarn):
 
 def _check_law(yarn):
     law, curve = yarn["tension_law"], yarn["tension_curve"]
-    if law is None and curve is None:
+    if yarn["modulus"] is not None and (law or curve):
         raise InputError(
-            yarn.where("tension_law"),
-            None,
-            "is missing; give tension_law (constants), tension_curve (a measured curve), or both",
+            *yarn.stated("modulus"),
+            f"gives the same law as {'tension_law' if law else 'tension_curve'}; keep one of them",
         )
     if law is None:
         return
@@ -139,15 +152,40 @@ def check_scene(scene, stated):
 
 def check_fabric(fabric):
     """Raises InputError if the yarn of ``fabric`` (a FabricInput) is too thick for its spacings."""
+    _check_loop_length(fabric)
     diameter = fabric.yarn["diameter"]
     for quantity, what in (("wale_spacing", "wale"), ("course_spacing", "course")):
-        if fabric[quantity] <= diameter:
+        if fabric.is_stated(quantity) and fabric[quantity] <= diameter:
             raise InputError(
                 *fabric.stated(quantity),
                 f"is a {what} spacing of {fabric[quantity] * 1e3:.4g} mm: must be above "
                 f"the {diameter * 1e3:.4g} mm of its yarn {fabric.yarn.name} (yarn too thick)",
             )
+    _check_density(fabric)
     _check_curvature(fabric, diameter)
+
+
+def _check_loop_length(fabric):
+    given = [q for q in ("loop_length", "tightness_factor", "mass_per_area")
+             if fabric.is_stated(q) and q not in fabric.derived]  # fmt: skip
+    if len(given) > 1:
+        first = fabric.stated(given[0])[0].rsplit(".", 1)[-1]
+        raise InputError(
+            *fabric.stated(given[1]), f"gives the same quantity as {first}; keep one of them"
+        )
+
+
+def _check_density(fabric):
+    w, c = fabric["wale_spacing"], fabric["course_spacing"]
+    if fabric["density_checked"] or not (fabric.is_stated("wale_spacing") and c > MOST_WALES * w):
+        return
+    wales, courses = 1e-2 / w, 1e-2 / c
+    raise InputError(
+        *fabric.stated("wale_spacing"),
+        f"{wales:.4g} wales and {courses:.4g} courses per cm: are they exchanged? A plain fabric has more "
+        f"courses than wales; state {courses:.4g} wales and {wales:.4g} courses per cm, or "
+        "density_checked: true if this is meant",
+    )
 
 
 def _check_curvature(fabric, diameter):

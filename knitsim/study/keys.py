@@ -6,6 +6,21 @@ from dataclasses import dataclass, field
 REQUIRED = object()  # default of a key that must be given
 
 
+class Missing(Exception):
+    """Raised by a rule that lacks what it follows from; the message says what to give."""
+
+
+@dataclass(frozen=True)
+class Follows:
+    """What a rule returns where its value (SI) follows from what is stated and is no assumption.
+
+    how: from what and by which formula, in words.
+    """
+
+    value: object
+    how: str
+
+
 @dataclass(frozen=True)
 class Interval:
     """The allowed numbers of a key, in the key's own unit."""
@@ -41,15 +56,18 @@ class Key:
 
     name: as in the file, with its unit.  quantity: its name inside, in SI; keys of one quantity are
     alternatives, and default, because and plausible are read from the first of them.
-    kind: number, integer, flag, choice, text, numbers, choices or words (lists), mapping (names to text
-    or numbers), lines (how many first lines, or a list of line numbers).
+    kind: number, integer, count (of a yarn, a number or as the trade writes it), flag, choice, text,
+    numbers, choices or words (lists), mapping (names to text or numbers), lines (how many first lines, or
+    a list of line numbers).
     unit: a unit of knitsim.units, None if dimensionless.  allowed: an interval, in the key's unit.
     default: REQUIRED, None (may be left out), a value in the key's unit, or a rule: a function of
-    the SI values resolved so far that returns the SI value.
+    the SI values that are stated, or stand before it in the table, that returns the SI value, None for
+    none, or :class:`Follows`, or raises :class:`Missing`.
     because: why the default is what it is; a default with a reason is an assumption and goes into
     the ledger.  Without a default: why a value goes there where it is given.
     plausible: low and high in the key's unit, or as factors if the default is a rule.
     when: the values of the section's ``kind`` for which the key is known; empty for all.
+    gives: the quantity that follows from this one, where it is not stated itself.
     may_be_empty: whether a list may have no element.
     stages: the stages of knitsim.study.schema whose results the key changes.
     """
@@ -67,6 +85,7 @@ class Key:
     when: tuple = ()
     stages: tuple = ()
     may_be_empty: bool = False
+    gives: str = ""
     interval: Interval | None = field(init=False, default=None, repr=False)
 
     def __post_init__(self):

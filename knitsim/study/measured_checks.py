@@ -78,10 +78,12 @@ def free_of(fabric, calibration):
     Raises InputError for bounds that do not hold the start.
     """
     entry = fabric["calibrations"][calibration]
-    return [_free(fabric, calibration, name, entry["bounds"] or {}) for name in entry["free"]]
+    where = fabric.where(f"calibrations.{calibration}.bounds")
+    return [free_parameter(fabric, name, entry["bounds"] or {}, where) for name in entry["free"]]
 
 
-def _free(fabric, calibration, name, bounds):
+def free_parameter(fabric, name, bounds, where):
+    """The parameter (Free) of that name; bounds: {name: (low, high) in SI} of those stated."""
     one, start = PARAMETERS[name], value_of(fabric, name)
     low, high = bounds.get(name) or _range_of(fabric, name, start)
     if not bounds.get(name):
@@ -91,7 +93,7 @@ def _free(fabric, calibration, name, bounds):
         unit = f" {units.label(one.unit)}" if one.unit else ""
         ends = " to ".join(f"{_from_si(v, one.unit):.6g}" for v in (low, high))
         raise InputError(
-            fabric.where(f"calibrations.{calibration}.bounds.{key_name(name)}"), ends,
+            f"{where}.{key_name(name)}", ends,
             f"must hold the value to start from, {_from_si(start, one.unit):.6g}{unit} ({one.key})",
         )  # fmt: skip
     return Free(name, start, low, high)

@@ -1,13 +1,16 @@
 """From what a file states to SI values: sweeps, defaults, alternatives of unit."""
 
 import itertools
+import math
 from dataclasses import replace
 
 from knitsim import units
 from knitsim.errors import InputError
 from knitsim.study.check import Points, Stated, shown
-from knitsim.study.keys import REQUIRED
+from knitsim.study.keys import REQUIRED, Follows, Missing
 from knitsim.study.ledger import Assumption
+
+MOST_POINTS = 100_000  # of the sweep of one entry
 
 
 def expand(tree, where):
@@ -18,13 +21,18 @@ def expand(tree, where):
     get the same label.
     """
     swept = list(_swept(tree, ""))
+    number = math.prod(len(points.stated) for _, points in swept)
+    if number > MOST_POINTS:
+        raise InputError(
+            where, None, f"its lists make {number} combinations: must be at most {MOST_POINTS}"
+        )
     points, labels = [], {}
     for chosen in itertools.product(*(range(len(points.stated)) for _, points in swept)):
         point, parts, one = {}, [], tree
         for (path, points_of), index in zip(swept, chosen, strict=True):
             stated = points_of.stated[index]
             point[path] = stated.value
-            parts.append(f"{path}={_value_label(stated.value, index)}")
+            parts.append(f"{path}={value_label(stated.value, index)}")
             one = replaced(one, path.split("."), Points(points_of.key, (stated,)))
         label = ",".join(parts)
         if label.lower() in labels:
@@ -42,7 +50,7 @@ def _swept(tree, prefix):
             yield f"{prefix}{name}", item
 
 
-def _value_label(value, index):
+def value_label(value, index):
     """A swept value as part of a file name; lists are numbered from 1."""
     if isinstance(value, list):
         return f"no{index + 1}"
@@ -64,13 +72,15 @@ def replaced(tree, path, item):
 class Resolver:
     """SI values and ledger rows of one entry.
 
-    values: quantity to SI value (None if optional and not given), section to such a dict (None if
-    not given).  rows: the assumptions.
+    beside: values of what the entry refers to, for the rules of its keys.  values: quantity to SI value
+    (None if optional and not given), section to such a dict (None if not given).  rows: the assumptions.
+    derived: {quantity: how it follows from what is stated, in words}.
     """
 
-    def __init__(self, section, tree, where, subject):
+    def __init__(self, section, tree, where, subject, beside=None):
         self.where, self.subject, self.kind = where, subject, section.name
-        self.rows = []
+        self.beside = beside or {}
+        self.rows, self.derived = [], {}
         self.values = self._section(section, tree, "", {})
 
     def _section(self, section, tree, prefix, outer):
@@ -83,9 +93,18 @@ class Resolver:
             values[inner.name] = (
                 None if given is None else self._section(inner, given, f"{prefix}{inner.name}.", {})
             )
-        for quantity, keys in section.quantities().items():
-            if _applies(keys[0], values) or keys[0].name in tree:
-                values[quantity] = self._quantity(section, keys, tree, prefix, values, outer)
+        # What is stated first, for rules; values and ledger keep the order of the table.
+        quantities, first = section.quantities(), self.rows
+        found, rows = dict(values), {}
+        for stated in (True, False):
+            for quantity, keys in quantities.items():
+                if (quantity == "kind" or any(key.name in tree for key in keys)) != stated:
+                    continue
+                if stated or _applies(keys[0], found):
+                    self.rows = rows[quantity] = []
+                    found[quantity] = self._quantity(section, keys, tree, prefix, found, outer)
+        self.rows = first + [row for quantity in quantities for row in rows.get(quantity, ())]
+        values |= {quantity: found[quantity] for quantity in quantities if quantity in found}
         for inner in section.sections:
             if inner.named:
                 values[inner.name] = {
@@ -98,7 +117,7 @@ class Resolver:
         main = keys[0]
         given = [key for key in keys if key.name in tree]
         here = f"{self.where}.{prefix}"
-        if not _applies(main, values):
+        if given and not _applies(main, values):
             raise InputError(
                 here + main.name,
                 shown(tree[main.name].stated[0].value),
@@ -111,7 +130,12 @@ class Resolver:
                 f"gives the same quantity as {given[0].name}; keep one of them",
             )
         if given:
-            return self._given(section, main, given[0], tree[given[0].name].stated[0], prefix)
+            stated = tree[given[0].name].stated[0]
+            if getattr(stated.value, "how", ""):
+                self.derived[f"{prefix}{main.quantity}"] = stated.value.how
+                if stated.value.filaments is not None:
+                    values["filaments"] = stated.value.filaments
+            return self._given(section, main, given[0], stated, prefix)
         if main.quantity in outer:
             return outer[main.quantity]
         if main.default is REQUIRED:
@@ -131,9 +155,20 @@ class Resolver:
     def _default(self, section, key, prefix, values):
         default = key.default
         if callable(default):
-            si = default(values)
+            try:
+                si = default({**self.beside, **values})
+            except Missing as missing:
+                where = f"{self.where}.{prefix}{key.name}"
+                raise InputError(where, None, f"is missing; {missing}") from None
+            if isinstance(si, Follows):
+                self.derived[f"{prefix}{key.quantity}"] = si.how
+                return si.value
+            if si is None:
+                return None
             value = units.from_si(si, key.unit) if key.unit else si
-            low, high = (factor * value for factor in key.plausible or (1.0, 1.0))
+            low, high = sorted(factor * value for factor in key.plausible or (1.0, 1.0))
+            if key.kind == "integer":
+                low, high = math.floor(low), math.ceil(high)
         else:
             value = list(default) if isinstance(default, tuple) else default
             si = _si(value, key.unit)

@@ -18,6 +18,15 @@ from knitsim.study.measured_keys import (
     SENSITIVITY,
     ZERO_KEY,
 )
+from knitsim.study.trade import (
+    course_spacing_rule,
+    diameter_rule,
+    fibres_rule,
+    loop_length_rule,
+    modulus_rule,
+    packing_rule,
+    wale_spacing_rule,
+)
 
 # Stages of the work, and the stages whose input each needs as well.  Key.stages refers to these.
 STAGES = {
@@ -47,14 +56,10 @@ def closure(stage):
 # their docstrings.
 
 
-def peirce_rule(yarn):
-    """1/(28 sqrt(Ne)) inch."""
-    return units.peirce_diameter(yarn["linear_density"])
-
-
 def twist_rule(yarn):
-    """3.2 sqrt(Ne) turns per inch."""
-    return units.twist_from_multiplier(yarn["linear_density"], 3.2)
+    """3.2 sqrt(Ne) turns per inch, at most 45 degrees at the surface."""
+    usual = units.twist_from_multiplier(yarn["linear_density"], 3.2)
+    return min(usual, 1.0 / (math.pi * yarn["diameter"]))
 
 
 def section_spacing_rule(yarn):
@@ -150,28 +155,35 @@ YARN = Section(
     sections=Live(lambda: [TENSION_LAW, TENSION_CURVE, COMPRESSION_CURVE, *law_sections()]),
     keys=(
         Key("source", "source", "text", "Where the data come from.", stages=ALL),
-        Key("count_dtex", "linear_density", "number", "Yarn count, g per 10 km.", unit="dtex",
+        Key("count_dtex", "linear_density", "count", "Yarn count, g per 10 km.", unit="dtex",
             allowed="(0, 1e6]", default=REQUIRED, stages=COUNT),
-        Key("count_tex", "linear_density", "number", "Yarn count, g per km.", unit="tex",
+        Key("count_tex", "linear_density", "count", "Yarn count, g per km.", unit="tex",
             allowed="(0, 1e5]"),
-        Key("count_den", "linear_density", "number", "Yarn count, g per 9 km.", unit="den",
+        Key("count_den", "linear_density", "count", "Yarn count, g per 9 km.", unit="den",
             allowed="(0, 1e6]"),
-        Key("count_Ne", "linear_density", "number", "English cotton count, hanks of 840 yd per lb.",
+        Key("count_Ne", "linear_density", "count", "English cotton count, hanks of 840 yd per lb.",
             unit="Ne", allowed="(0, 1000]"),
-        Key("count_Nm", "linear_density", "number", "Metric count, m per g.", unit="Nm",
+        Key("count_Nm", "linear_density", "count", "Metric count, m per g.", unit="Nm",
             allowed="(0, 1e4]"),
-        Key("fibres", "fibres", "integer", "Fibres (filaments) in the cross-section.",
-            allowed="[1, 500]", default=REQUIRED, stages=COUNT),
+        Key("count", "linear_density", "count", "Yarn count as the trade writes it, with its unit: 30/1, "
+            "30/2 Ne, 2/28 Nm (plies), 150/48 den (filaments), Ne=30.", unit="tex", allowed="(0, 1e5]"),
+        Key("fibres", "fibres", "integer", "Fibres (filaments) in the cross-section; 1 is a monofilament. "
+            "1000 at most where fibres are drawn.", allowed="[1, 100000]", default=fibres_rule,
+            plausible=(0.5, 2.0), stages=COUNT,
+            because="not stated; fibres of 1.7 dtex, those of cotton and staple polyester 1.2 to 3"),
         Key("density_g_per_cm3", "density", "number", "Density of the fibre.", unit="g_per_cm3",
-            allowed="[0.5, 10]", default=1.4, plausible=(1.14, 1.55), stages=("yarn", "loop"),
-            because="between nylon (1.14) and cotton (1.55)"),
+            allowed="[0.5, 10]", default=1.52, plausible=(1.14, 1.55), stages=("yarn", "loop", "equilibrium"),
+            because="that of cotton; nylon 1.14, acrylic 1.17, wool 1.31, polyester 1.38"),
+        Key("packing", "packing", "number", "Share of fibre in the yarn's cross-section, which gives its "
+            "diameter where none is stated.", allowed="(0, 1]", default=packing_rule,
+            stages=("centre_line",)),
         Key("fibre_modulus_GPa", "fibre_modulus", "number",
             "Young's modulus of the fibre, for its own bending.", unit="GPa", allowed="[0, 1000]",
             default=8.0, plausible=(2.0, 20.0), stages=("yarn",),
             because="wool and nylon near 2 GPa, cotton 5 to 12, polyester to 20"),
         Key("diameter_mm", "diameter", "number", "Yarn diameter.", unit="mm", allowed="(0, 20]",
-            default=peirce_rule, plausible=(0.95, 1.15), stages=("yarn", "centre_line"),
-            because="not in the paper; Peirce's diameter, a specific volume of 1.1 cm3/g; "
+            default=diameter_rule, plausible=(0.95, 1.15), stages=("yarn", "centre_line"),
+            because="not stated; Peirce's diameter, of cotton a specific volume of 1.1 cm3/g; "
             "yarns lie between 1.0 and 1.45"),
         Key("twist_per_m", "twist", "number", "Turns per metre.", unit="per_m", allowed="[0, 1e5]",
             default=twist_rule, plausible=(0.8, 1.2), stages=("yarn", "loop"),
@@ -202,6 +214,11 @@ YARN = Section(
             "the bent yarn lags behind its curvature, half the width of its loop; used in bending of "
             "the fabric with friction.", unit="mN_mm", allowed="[0, 1e6]", default=0.0,
             stages=("equilibrium_bending",)),
+        Key("modulus_N_per_tex", "modulus", "number", "Tension per strain and count, constant up to the "
+            "break; for a yarn without tension_law and tension_curve.", unit="N_per_tex", allowed="(0, 1000]",
+            default=modulus_rule, plausible=(0.5, 4.0), stages=("law",),
+            because="not stated; spun yarns break near 14 cN/tex at 7 %; at the forces of wear yarn hardly "
+            "stretches"),
         Key("breaking_strain", "breaking_strain", "number",
             "Strain at break; states beyond it are marked.", allowed="(0, 10]",
             default=breaking_rule, plausible=(0.7, 1.4), stages=("law",),
@@ -219,20 +236,34 @@ FABRIC = Section(
     keys=(
         Key("source", "source", "text", "Where the data come from.", stages=ALL),
         Key("yarn", "yarn", "text", "A name in yarns.yaml.", default=REQUIRED),
+        Key("loop_length_mm", "loop_length", "number", "Length of yarn in one loop.", unit="mm",
+            allowed="(0, 200]", default=loop_length_rule, stages=("centre_line",)),
+        Key("tightness_factor", "tightness_factor", "number", "Instead of the loop length: sqrt(tex) over "
+            "loop length in cm.", allowed="(0, 1000]", stages=("centre_line",), gives="loop_length"),
+        Key("mass_per_area_g_per_m2", "mass_per_area", "number", "Instead of the loop length: mass of the "
+            "fabric per area, beside wales and courses.", unit="g_per_m2", allowed="(0, 1e5]",
+            stages=("centre_line",), gives="loop_length"),
+        Key("gsm", "mass_per_area", "number", "The same.", unit="g_per_m2", allowed="(0, 1e5]",
+            stages=("centre_line",), gives="loop_length"),
         Key("wales_per_cm", "wale_spacing", "number", "Wales per cm of width.", unit="loops_per_cm",
-            allowed="(0, 100]", default=REQUIRED, stages=("centre_line",)),
+            allowed="(0, 100]", default=wale_spacing_rule, plausible=(0.9, 1.1), stages=("centre_line",),
+            because="not stated; a plain fabric at rest, whose loop length is 3.7 to 4.5 wale spacings; at "
+            "rest the equilibrium model finds its own"),
         Key("wales_per_inch", "wale_spacing", "number", "Wales per inch of width.",
             unit="loops_per_inch", allowed="(0, 250]"),
         Key("wale_spacing_mm", "wale_spacing", "number", "Width of one loop.", unit="mm",
             allowed="(0, 100]"),
         Key("courses_per_cm", "course_spacing", "number", "Courses per cm of length.",
-            unit="loops_per_cm", allowed="(0, 100]", default=REQUIRED, stages=("centre_line",)),
+            unit="loops_per_cm", allowed="(0, 100]", default=course_spacing_rule, plausible=(0.9, 1.1),
+            stages=("centre_line",),
+            because="not stated; a plain fabric at rest, whose loop length is 4.7 to 5.9 course spacings; "
+            "at rest the equilibrium model finds its own"),
         Key("courses_per_inch", "course_spacing", "number", "Courses per inch of length.",
             unit="loops_per_inch", allowed="(0, 250]"),
         Key("course_spacing_mm", "course_spacing", "number", "Height of one course.", unit="mm",
             allowed="(0, 100]"),
-        Key("loop_length_mm", "loop_length", "number", "Length of yarn in one loop.", unit="mm",
-            allowed="(0, 200]", default=REQUIRED, stages=("centre_line",)),
+        Key("density_checked", "density_checked", "flag", "That the fabric really has fewer courses than "
+            "wales, which is asked about.", default=False, stages=("centre_line",)),
         Key("centre_line", "centre_line", "choice",
             "spline: through the six anchors of each half loop, as in the "
             "paper. curve: Choi and Lo's curve itself.", choices=("spline", "curve"),

@@ -9,159 +9,66 @@
 """
 
 import copy
-import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from knitsim import units
 from knitsim.errors import InputError
-from knitsim.study.check import check_name, check_points, check_section, shown
-from knitsim.study.cross_checks import check_fabric, check_scene, check_yarn
+from knitsim.study.by_hand import stated_tree, with_signature
+from knitsim.study.check import check_name, check_section, shown
+from knitsim.study.cross_checks import check_fabric, check_yarn
 from knitsim.study.ledger import model_assumptions
 from knitsim.study.measured_checks import check_measured
-from knitsim.study.resolve import Resolver, expand, replaced
+from knitsim.study.resolve import expand
+from knitsim.study.resolved import Resolved, SceneInput
 from knitsim.study.schema import FABRIC, SCENE, YARN, closure
 from knitsim.study.yaml_file import read_yaml
 
 
-class Resolved:
-    """A yarn, fabric or scene with every value in SI; read ``resolved["quantity"]``.
+@with_signature(YARN)
+class Yarn(Resolved):
+    """A yarn: its count, and what else is known of it.
 
-    name: the entry's name and, in a sweep, ``_key=value`` for each swept key.  base: the entry's
-    name.  point: {key: value} of the swept keys, in the keys' units.  values: quantity to SI value;
-    a section that is not given, and an optional value that is not given, is None.
+    Keywords are the keys of ``yarns.yaml`` in config/README.md, in the units at the end of their names; a
+    count is enough, all else is then assumed and stands in :meth:`assumptions`.  ``yarn["diameter"]`` is the
+    SI value of a quantity.  Raises InputError for a key that is not known or a value that makes no sense.
+
+    >>> import knitsim as ks
+    >>> yarn = ks.Yarn(count_tex=19.7, friction=0.25, bending_rigidity_N_mm2=2e-3)
+    >>> yarn
+    <Yarn: 19.7 tex, diameter 0.1657 mm, 10 inputs assumed>
+    >>> ks.Yarn(count_tex=19.7, friction=25)  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    knitsim.errors.InputError: yarn.friction = 25: must be at least 0 and at most 1 ...
     """
 
-    section = None
-
-    def __init__(self, file, base, point, label, tree):
-        self.file, self.base, self.point = file, base, point
-        self.name = f"{base}_{label}" if label else base
-        self._resolve(tree)
-
-    def _resolve(self, tree):
-        self._tree = tree
-        found = Resolver(self.section, tree, f"{self.file}: {self.base}", self.name)
-        self.values, self._rows = found.values, found.rows
-
-    def __repr__(self):
-        return f"{type(self).__name__}({self.name})"
-
-    def __getitem__(self, path):
-        """The SI value of a quantity; dots lead into sections.  Raises KeyError."""
-        value = self.values
-        for part in path.split("."):
-            value = value[part]
-        return value
-
-    def where(self, key):
-        """File and key as error messages name them, e.g. ``config/yarns.yaml: cotton.fibres``."""
-        return f"{self.file}: {self.base}.{key}"
-
-    def stated(self, quantity):
-        """(where, value) of a quantity in the key's unit, for the message of an InputError."""
-        *sections, last = quantity.split(".")
-        section, tree = self.section, self._tree
-        for name in sections:
-            section, tree = section.section(name), tree[name]
-        keys = section.quantities()[last]
-        key = next((key for key in keys if key.name in tree), keys[0])
-        value = units.from_si(self[quantity], key.unit) if key.unit else self[quantity]
-        return self.where(".".join([*sections, key.name])), f"{value:.6g}"
-
-    def assumptions(self):
-        """The ledger rows (Assumption) of this object and of what it refers to."""
-        return list(self._rows)
-
-    def with_value(self, path, value):
-        """A copy with the key at ``path`` (dots lead into sections) set to ``value``, checked.
-
-        value is in the key's unit.  Alternatives of the key, such as another unit, give way.  What
-        follows from the key by default follows again.  The name stays.  Raises InputError.
-        """
-        *sections, name = path.split(".")
-        section, tree = self.section, self._tree
-        for part in sections:
-            # An entry of a named section has the keys of that section.
-            section = section if section.named else section.section(part)
-            if section is None or part not in tree:
-                raise InputError(self.where(path), None, f"{part} is not given, so is not changed")
-            tree = tree[part]
-        key = section.key(name)
-        if key is None or name in ("scene", "yarn"):
-            raise InputError(self.where(path), None, "is no key whose value can be changed")
-        points = check_points(key, value, self.where(path), sweeps=False)
-        changed = {k: v for k, v in tree.items() if k not in self._alternatives(section, key)}
-        changed[name] = points
-        other = copy.copy(self)
-        other._resolve(replaced(self._tree, sections, changed) if sections else changed)
-        other._check()
-        return other
-
-    @staticmethod
-    def _alternatives(section, key):
-        return {other.name for other in section.quantities()[key.quantity]}
-
-    def _check(self):
-        pass
-
-    def _part(self, stages):
-        """The values that matter to ``stages``, without tests."""
-        part = {}
-        for quantity, keys in self.section.quantities().items():
-            if stages.intersection(keys[0].stages):
-                part[quantity] = self.values[quantity]
-        for inner in self.section.sections:
-            if inner.stage in stages:
-                part[inner.name] = self.values[inner.name]
-        return part
-
-    def as_json(self):
-        """:meth:`as_dict` as JSON on one line, the same bytes for the same input."""
-        return json.dumps(self.as_dict(), allow_nan=False, ensure_ascii=False)
-
-
-class SceneInput(Resolved):
-    """A test programme; ``scene["tensile_test"]`` is None if that test is not run."""
-
-    section = SCENE
-
-    def __init__(self, file, base, point, label, tree):
-        super().__init__(file, base, point, label, tree)
-        self._check()
-
-    def _check(self):
-        check_scene(self, self._tree)
-
-    @property
-    def of(self):
-        """``yarn`` or ``fabric``: what the scene tests."""
-        return next(part.of for part in SCENE.sections if self.values[part.name] is not None)
-
-    @property
-    def needs_loop(self):
-        """Whether a test needs the loop as built: those of the kinematic model do."""
-        return any(
-            values is not None and name.startswith("kinematic_")
-            for name, values in self.values.items()
-        )
-
-    def as_dict(self):
-        """Name and SI values of the tests that are run, as plain JSON types."""
-        tests = {name: value for name, value in self.values.items() if value is not None}
-        return {"name": self.name, "tests": tests}
-
-
-class YarnInput(Resolved):
-    """A yarn and its scene."""
-
     section = YARN
+    parts = ("scene",)
 
-    def __init__(self, file, base, point, label, tree, scenes, folders):
-        super().__init__(file, base, point, label, tree)
+    def __init__(self, *, name: str = "yarn", **keys: Any) -> None:
+        tree = stated_tree(YARN, keys, name)
+        self._make("", name, {}, "", tree, None, (Path(),))
+
+    @classmethod
+    def read(cls, *entry):
+        """The yarn of an entry of a study; entry: what :meth:`_make` takes."""
+        self = cls.__new__(cls)
+        self._make(*entry)
+        return self
+
+    def _make(self, file, base, point, label, tree, scenes, folders):
+        Resolved.__init__(self, file, base, point, label, tree)
         self.scene = _scene_of(self, scenes, "yarn")
         self._folders = folders
         self._check()
+
+    def _assumed(self):
+        rows = len(self._rows)
+        return f", {rows} input{'s' * (rows > 1)} assumed" if rows else ""
+
+    def __repr__(self) -> str:
+        tex, diameter = 1e6 * self["linear_density"], 1e3 * self["diameter"]
+        return f"<Yarn{self._named()}: {tex:.4g} tex, diameter {diameter:.4g} mm{self._assumed()}>"
 
     def _check(self):
         check_yarn(self)
@@ -180,9 +87,6 @@ class YarnInput(Resolved):
     def assumptions(self):
         return super().assumptions() + _below("scene", self.scene)
 
-    def with_value(self, path, value):
-        return _with_value(self, super().with_value, ("scene",), path, value)
-
     def as_dict(self):
         """Name, SI values and scene as plain JSON types."""
         return {
@@ -199,21 +103,80 @@ class YarnInput(Resolved):
         return {"name": self.name, "values": self._part(stages), **_config(self, stages)}
 
 
-class FabricInput(Resolved):
-    """A fabric, its yarn (``fabric.yarn``) and its scene."""
+@with_signature(FABRIC)
+class Fabric(Resolved):
+    """A fabric: a yarn, a density and a loop length.
+
+    Keywords are the keys of ``fabrics.yaml`` in config/README.md, in the units at the end of their names.
+    The object is what :func:`knitsim.load_study` gives for a fabric of a study.  ``fabric["loop_length"]``
+    is the SI value of a quantity, ``fabric.assumptions()`` what nobody stated.  Raises InputError.
+
+    >>> import knitsim as ks
+    >>> yarn = ks.Yarn(count_tex=19.7)
+    >>> fabric = ks.Fabric(yarn, wales_per_cm=14, courses_per_cm=20, loop_length_mm=2.9)
+    >>> fabric
+    <Fabric: 14 wales and 20 courses per cm, loop length 2.9 mm, yarn of 19.7 tex>
+    >>> round(1e3 * fabric["wale_spacing"], 4)
+    0.7143
+    """
 
     section = FABRIC
+    parts = ("yarn", "scene")
 
-    def __init__(self, file, base, point, label, tree, yarn, scenes, folders):
-        super().__init__(file, base, point, label, tree)
+    def __init__(self, yarn: Yarn, *, name: str = "fabric", **keys: Any) -> None:
+        if not isinstance(yarn, Yarn):
+            raise InputError(f"{name}.yarn", shown(yarn), "must be a knitsim.Yarn")
+        tree = stated_tree(FABRIC, {**keys, "yarn": yarn.base}, name)
+        self._make("", name, {}, "", tree, yarn, None, (Path(),))
+
+    @classmethod
+    def read(cls, *entry):
+        """The fabric of an entry of a study; entry: what :meth:`_make` takes."""
+        self = cls.__new__(cls)
+        self._make(*entry)
+        return self
+
+    def _make(self, file, base, point, label, tree, yarn, scenes, folders):
         self.yarn = yarn
+        Resolved.__init__(self, file, base, point, label, tree)
         self.scene = _scene_of(self, scenes, "fabric")
         self._folders = folders
         self._check()
         check_measured(self)
 
+    def _beside(self):
+        return {} if self.yarn is None else {"linear_density": self.yarn["linear_density"]}
+
+    def __repr__(self) -> str:
+        wales, courses = (0.01 / self[f"{one}_spacing"] for one in ("wale", "course"))
+        return (
+            f"<Fabric{self._named()}: {wales:.4g} wales and {courses:.4g} courses per cm, loop length "
+            f"{1e3 * self['loop_length']:.4g} mm, yarn of {1e6 * self.yarn['linear_density']:.4g} tex>"
+        )
+
     def _check(self):
         check_fabric(self)
+
+    def with_rest(self, **keys):
+        """A copy whose scene has these keys of equilibrium_rest, and what it stated of it before."""
+        other = copy.copy(self)
+        if self.scene["equilibrium_rest"] is None:
+            other.scene = self.scene.with_tests()
+        if "points" in keys and "accuracy" in keys:
+            raise InputError(
+                "relax.accuracy", keys["accuracy"], "chooses what points states; keep one of them"
+            )
+        for key, value in keys.items():
+            other.scene = other.scene.with_value(f"equilibrium_rest.{key}", value)
+        other._check()
+        return other
+
+    def with_tests(self, **tests):
+        """A copy whose scene has these tests, {section of scenes.yaml: what it states}, and no others."""
+        other = copy.copy(self)
+        other.scene = self.scene.with_tests(**tests)
+        other._check()
+        return other
 
     def measured_paths(self, name):
         """Paths of the measured curve ``name``.  Raises InputError for a missing file."""
@@ -225,9 +188,6 @@ class FabricInput(Resolved):
             + [_moved("yarn", row) for row in self.yarn._rows]
             + _below("scene", self.scene)
         )
-
-    def with_value(self, path, value):
-        return _with_value(self, super().with_value, ("yarn", "scene"), path, value)
 
     def as_dict(self):
         """Name, SI values, yarn and scene as plain JSON types."""
@@ -265,17 +225,6 @@ def _config(resolved, stages):
     }
 
 
-def _with_value(resolved, own, parts, path, value):
-    """with_value of an object that refers to others by the attributes ``parts``."""
-    first, _, rest = path.partition(".")
-    if first not in parts or not rest:
-        return own(path, value)
-    other = copy.copy(resolved)
-    setattr(other, first, getattr(resolved, first).with_value(rest, value))
-    other._check()
-    return other
-
-
 def _files(resolved, section):
     """Paths of the files that a section of a measured curve names; [] without the section."""
     if resolved[section] is None:
@@ -290,12 +239,17 @@ def _files(resolved, section):
         raise InputError(resolved.where(f"{section}.file{'s' * (one is not None)}"), None, right)
     found = []
     for file in several or [one]:
+        key = resolved.where(f"{section}.file{'s' * (one is None)}")
+        # What a study names lies in it, so that it can be sent, and shows no other file.
+        if resolved.file and (Path(file).is_absolute() or ".." in Path(file).parts):
+            raise InputError(
+                key, shown(file), "must lie in the study, named from there: without .. and not absolute"
+            )
         at = next(
             (folder / file for folder in resolved._folders if (folder / file).is_file()), None
         )
         if at is None:
             looked = ", ".join(dict.fromkeys(folder.as_posix() for folder in resolved._folders))
-            key = resolved.where(f"{section}.file{'s' * (one is None)}")
             raise InputError(key, shown(file), f"no such file in {looked}")
         found.append(at)
     return found
@@ -310,6 +264,8 @@ def _below(part, resolved):
 
 
 def _scene_of(resolved, scenes, of):
+    if scenes is None:
+        return SceneInput.by_default(of)
     name = resolved["scene"]
     known = [scene.name for scene in scenes.values() if scene.of == of]
     if name not in known:
@@ -362,7 +318,7 @@ def load_study(path, fallback="config"):
     for file, base, tree in _entries(path / "yarns.yaml", YARN):
         points_of[base] = []
         for point, label, one in expand(tree, f"{file}: {base}"):
-            yarn = YarnInput(file, base, point, label, one, scenes, folders)
+            yarn = Yarn.read(file, base, point, label, one, scenes, folders)
             yarns[yarn.name] = yarn
             points_of[base].append((label, yarn))
     fabrics = {}
@@ -371,7 +327,7 @@ def load_study(path, fallback="config"):
             for yarn_label, yarn in _yarns_of(one, f"{file}: {base}", yarns, points_of):
                 point_and_yarn = point | (yarn.point if yarn_label else {})
                 both = ",".join(part for part in (label, yarn_label) if part)
-                fabric = FabricInput(file, base, point_and_yarn, both, one, yarn, scenes, folders)
+                fabric = Fabric.read(file, base, point_and_yarn, both, one, yarn, scenes, folders)
                 fabrics[fabric.name] = fabric
     return Study(path, yarns, fabrics, scenes)
 

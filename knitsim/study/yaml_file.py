@@ -19,6 +19,7 @@ _CORE_TAGS = {
     for name in ("str", "int", "float", "bool", "null", "map", "seq", "timestamp", "value", "merge")
 }
 _DEEPEST = 12
+_MOST = 200_000  # values in a file
 
 
 def read_yaml(path):
@@ -35,6 +36,16 @@ def read_yaml(path):
         raise InputError(path, None, f"cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
         raise InputError(path, None, f"is not UTF-8 text (byte {error.start})") from None
+    content = parsed(text, path)
+    if content is None:
+        raise InputError(path, None, "is empty; must hold a mapping of names to their keys")
+    if not isinstance(content, dict):
+        raise InputError(f"{path}:1", None, "must hold a mapping of names to their keys")
+    return content
+
+
+def parsed(text, path):
+    """The content of YAML ``text``; path: what messages name.  Raises InputError."""
     try:
         node = yaml.compose(text, Loader=_LOADER)
     except yaml.MarkedYAMLError as error:
@@ -46,36 +57,42 @@ def read_yaml(path):
     except yaml.YAMLError as error:
         reason = getattr(error, "reason", None) or str(error).splitlines()[0]
         raise InputError(path, None, f"is not YAML: {reason}") from None
-    if node is None:
-        raise InputError(path, None, "is empty; must hold a mapping of names to their keys")
-    content = _value(node, path, 0)
-    if not isinstance(content, dict):
-        raise InputError(f"{path}:1", None, "must hold a mapping of names to their keys")
-    return content
+    return None if node is None else _Reader(path).value(node, 0)
 
 
-def _value(node, path, depth):
-    where = f"{path}:{node.start_mark.line + 1}"
-    if depth > _DEEPEST:
-        raise InputError(where, None, "is nested too deeply")
-    if node.tag not in _CORE_TAGS:
-        raise InputError(where, node.tag, "YAML tags are not used here")
-    if isinstance(node, yaml.ScalarNode):
-        plain = not node.style
-        return _scalar(node.value) if plain else node.value
-    if isinstance(node, yaml.SequenceNode):
-        return [_value(child, path, depth + 1) for child in node.value]
-    mapping = {}
-    for key_node, child in node.value:
-        line = f"{path}:{key_node.start_mark.line + 1}"
-        if not isinstance(key_node, yaml.ScalarNode):
-            raise InputError(line, None, "a key must be one word")
-        # A key is a name as it is written, be it 12 or no.
-        key = key_node.value
-        if key in mapping:
-            raise InputError(f"{line}: {key}", None, "stands twice in the same mapping")
-        mapping[key] = _value(child, path, depth + 1)
-    return mapping
+class _Reader:
+    """The value of a node.  Aliases share nodes: a few lines of them can stand for billions of values."""
+
+    def __init__(self, path):
+        self.path, self.read = path, 0
+
+    def value(self, node, depth):
+        path, self.read = self.path, self.read + 1
+        where = f"{path}:{node.start_mark.line + 1}"
+        if depth > _DEEPEST:
+            raise InputError(where, None, "is nested too deeply")
+        if self.read > _MOST:
+            raise InputError(
+                where, None, f"holds more than {_MOST} values, aliases (*name) counted out"
+            )
+        if node.tag not in _CORE_TAGS:
+            raise InputError(where, node.tag, "YAML tags are not used here")
+        if isinstance(node, yaml.ScalarNode):
+            plain = not node.style
+            return _scalar(node.value) if plain else node.value
+        if isinstance(node, yaml.SequenceNode):
+            return [self.value(child, depth + 1) for child in node.value]
+        mapping = {}
+        for key_node, child in node.value:
+            line = f"{path}:{key_node.start_mark.line + 1}"
+            if not isinstance(key_node, yaml.ScalarNode):
+                raise InputError(line, None, "a key must be one word")
+            # A key is a name as it is written, be it 12 or no.
+            key = key_node.value
+            if key in mapping:
+                raise InputError(f"{line}: {key}", None, "stands twice in the same mapping")
+            mapping[key] = self.value(child, depth + 1)
+        return mapping
 
 
 def _scalar(text):

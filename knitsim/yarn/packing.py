@@ -12,7 +12,7 @@ import numpy as np
 
 from knitsim.errors import InputError
 
-MOST_FIBRES = 500
+MOST_FIBRES = 1000
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
 # Fibres on each ring, from the inside; the arrangements of circles packed closest in a circle.
@@ -31,7 +31,7 @@ CORE_TURN = (-0.090, 0.010, -0.071, 0.079, 0.006, 0.0, -0.033, -0.090)
 class FibreLayout:
     """The fibres of one cross-section.
 
-    positions: (n, 2), fibre centres about the yarn axis (m), n from 1 to 500, all different.
+    positions: (n, 2), fibre centres about the yarn axis (m), n from 1 to 1000, all different.
     diameter: of the yarn (m).  fibre_diameter (m): None where fibres are points without a size.
 
     Raises InputError if these are not finite and positive, a fibre centre lies outside the yarn,
@@ -72,10 +72,10 @@ class FibreLayout:
         if self.fibre_diameter > room:
             wider = self.diameter * self.fibre_diameter / room
             raise InputError(
-                f"{self.where}.fibre_diameter",
-                f"{self.fibre_diameter:.6g} m",
-                f"{self.fibres} such fibres overlap in a yarn of diameter {self.diameter:.6g} m; "
-                f"at most {below(room)} m, or a yarn of at least {above(wider)} m",
+                f"{self.where}.diameter_mm",
+                f"{1e3 * self.diameter:.6g}",
+                f"{self.fibres} fibres of {1e3 * self.fibre_diameter:.4g} mm overlap; must be at least "
+                f"{above(1e3 * wider)} mm, or fibres thinner than {below(1e3 * room)} mm",
             )
 
     @property

@@ -16,6 +16,9 @@ rule benchmark_quick:
     params:
         full=False,
         source=source_hash("knitsim.stages.benchmark", "knitsim.figures.benchmark"),
+    resources:
+        mem_mb=1500,
+        runtime=60,
     script:
         "../scripts/benchmark.py"
 
@@ -32,6 +35,9 @@ rule benchmark_errors:
     params:
         full=True,
         source=source_hash("knitsim.stages.benchmark", "knitsim.figures.benchmark"),
+    resources:
+        mem_mb=1500,
+        runtime=60,
     script:
         "../scripts/benchmark.py"
 
@@ -49,7 +55,10 @@ rule benchmark_rest:
         snakefile=(Path(workflow.basedir) / "Snakefile").as_posix(),
         source=source_hash("knitsim.stages.benchmark", "knitsim.stages.benchmark_runs"),
     # It runs the workflow on two cores by itself.
-    threads: lambda wildcards: workflow.cores
+    threads: 2
+    resources:
+        mem_mb=3000,
+        runtime=60,
     script:
         "../scripts/benchmark_rest.py"
 

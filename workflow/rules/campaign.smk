@@ -27,6 +27,9 @@ for campaign, count in PARTS_OF.items():
         params:
             campaign=campaign,
             source=source_hash("knitsim.stages.trials", *["knitsim.figures.stress"] * ("figure" in tables)),
+        resources:
+            mem_mb=1500,
+            runtime=60,
         script:
             "../scripts/campaign.py"
 
@@ -45,5 +48,8 @@ for campaign, count in PARTS_OF.items():
             source=source_hash("knitsim.stages.trials"),
         wildcard_constraints:
             part=r"\d+",
+        resources:
+            mem_mb=1500,
+            runtime=60,
         script:
             "../scripts/campaign.py"

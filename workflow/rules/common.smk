@@ -1,21 +1,25 @@
 # The study, checked before any rule; what the results of each rule depend on.
 
 import hashlib
-import json
 import os
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
-from knitsim.study.measured_checks import config_of, names_of
-from knitsim.study.study import load_study
+from knitsim.command import show
 from knitsim.errors import InputError
 from knitsim.figures import catalogue
-from knitsim.files import cache_root
+from knitsim.files import cache_root, is_whole
 from knitsim.provenance import kernel_hash, source_hash
 from knitsim.stages.compile import marker
-from knitsim.stages.needs import skips_of
+from knitsim.stages.job import kept_study
+from knitsim.stages.plan import JOBS, KES_KINDS, Plan, digest_of
+from knitsim.stages.plan import path as plan_path
 from knitsim.store.results import RESULTS, path_of
+from knitsim.study import kept
+from knitsim.study.measured_checks import names_of
+from knitsim.study.study import load_study
 
 # One thread a job: -c says how many jobs run side by side.
 for library in ("OMP", "MKL", "OPENBLAS", "NUMBA"):
@@ -32,21 +36,34 @@ for key, value in config.items():
 for key, value in SAMPLE.items():
     if type(value) is not int or value < 1:
         sys.exit(f"knitsim: --config {key} = {value}: must be a whole number above 0")
-config.setdefault("study", "config")
-config.setdefault("results", "results")
+for key, default in (("study", "config"), ("results", "results")):
+    config.setdefault(key, default)
+    if isinstance(config[key], (list, dict)) or config[key] in (None, ""):
+        sys.exit(f"knitsim: --config {key} = {config[key]}: must be {key}=DIR")
+    # A directory named 2024 comes as a number.
+    config[key] = str(config[key])
 STORE = Path(config["results"])
+if Path(config["study"]).is_absolute():
+    config["study"] = os.path.relpath(config["study"])
 
 
-def checked_study(path):
+def read_study():
+    """(study, content of its files by path, their hash), all as they were at one moment."""
+    while True:
+        before = kept.stamps(config["study"])
+        study = load_study(config["study"])
+        contents = {file: file.read_bytes() for file in study.files}
+        if before == kept.stamps(config["study"]):
+            hashes = [[str(f), hashlib.sha256(c).hexdigest()] for f, c in contents.items()]
+            return study, contents, digest_of(hashes)
+
+
+def checked(study, digest):
     """The study, with every loop and yarn known to exist.
 
     That check imports the models, so a study that has passed is remembered by its hash.
     """
-    study = load_study(path)
-    digest = hashlib.sha256(source_hash("knitsim.stages.check").encode())
-    for file in study.files:
-        digest.update(file.read_bytes())
-    passed = cache_root() / "checked" / digest.hexdigest()[:32]
+    passed = cache_root() / "checked" / f"{digest}-{source_hash('knitsim.stages.check')}"
     if not passed.exists():
         from knitsim.stages.check import check_study
 
@@ -56,20 +73,26 @@ def checked_study(path):
     return study
 
 
+KEPT = STORE / "study"
+# A job on another machine reads this file again: it goes by what the run has kept.
+running = None if workflow.is_main_process else kept.running(KEPT)
 try:
-    STUDY = checked_study(config["study"])
+    if running is None:
+        STUDY, CONTENTS, DIGEST = read_study()
+        config["kept"] = str(kept.folder_of(STUDY, KEPT, DIGEST))
+        checked(STUDY, DIGEST)
+    else:
+        config["kept"] = str(running)
+        with kept_study(SimpleNamespace(config=config)) as STUDY:
+            pass
 except InputError as error:
     sys.exit(f"knitsim: {error}")
 
-MEASURED_FABRICS = [name for name, fabric in STUDY.fabrics.items() if names_of(fabric)]
+PLAN = Plan(STUDY)
 # Longest compilation first.
 PARTS = ("equilibrium", "figures", "yarn", "fabric")
 # The chain through the equilibrium tests is the longest: first, but after its own compilation.
 EQUILIBRIUM_PRIORITY = 1 if marker("equilibrium").exists() else -1
-# The stages that are tests of a scene of a fabric, by the name of its section.
-TESTS = [stage for stage in RESULTS if any(stage in f.scene.values for f in STUDY.fabrics.values())]
-# Those that have KES parameters.
-KES_KINDS = ("tensile", "bending", "shear")
 
 
 def results(pattern):
@@ -84,35 +107,14 @@ def timings_of(name):
     return results(f"benchmark/stages/{name}.csv")
 
 
-def digest_of(data):
-    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
-
-
-def inputs_of(group, name, stage):
-    """Hash of what a stage's result depends on: a change of anything else reruns nothing."""
-    return digest_of(getattr(STUDY, group)[name].config(stage))
-
-
 def result_of(stage, **labels):
     """Path of the files of a stage; labels that are not given stay wildcards."""
     return results(path_of(stage, **labels))
 
 
-def fabrics_with(test):
-    return [name for name, fabric in STUDY.fabrics.items() if fabric.scene[test] is not None]
-
-
-FABRICS_WITH_LOOP = [name for name, fabric in STUDY.fabrics.items() if fabric.scene.needs_loop]
-
-
-def wildcards_of(stage, fabric):
-    """The wildcards, a dict each, of the jobs of a test of a fabric."""
-    scene = STUDY.fabrics[fabric].scene[stage]
-    if scene is None:
-        return []
-    if not RESULTS[stage].has_direction:
-        return [{"fabric": fabric}]
-    return [{"fabric": fabric, "direction": direction} for direction in scene["directions"]]
+def one_of(names):
+    """A wildcard's constraint: one of these names."""
+    return "|".join(map(re.escape, names)) or "(?!)"
 
 
 def yarn_of(wildcards):
@@ -123,80 +125,32 @@ def compression_of(wildcards):
     return STUDY.fabrics[wildcards.fabric].yarn.compression_paths
 
 
-def yarn_files():
-    return [result_of("yarn", yarn=yarn) for yarn in STUDY.yarns]
+def curves_of(wildcards):
+    return PLAN.curves(wildcards.fabric)
 
 
-def loop_files():
-    return [result_of("loop", fabric=fabric) for fabric in FABRICS_WITH_LOOP]
+# Every file that is made by default, once.
+YARN_FILES = [result_of("yarn", yarn=yarn) for yarn in STUDY.yarns]
+TEST_FILES = [results(file) for files in PLAN.files.values() for file in files]
+KES_FILES = [result_of("kes", fabric=fabric) for fabric in PLAN.with_kes]
+# Filled by the rules that make them.
+TIMINGS, FIGURES, TABLES, OTHERS = [], [], [], []
 
-
-def tests_of(fabric, kinds=None):
-    """The result files of the tests of a fabric; kinds: of these only."""
-    return [
-        result_of(stage, **wildcards)
-        for stage in TESTS
-        if kinds is None or RESULTS[stage].kind in kinds
-        for wildcards in wildcards_of(stage, fabric)
-    ]
-
-
-def fabric_files():
-    return loop_files() + [file for fabric in STUDY.fabrics for file in tests_of(fabric)]
-
-
-FABRICS_WITH_KES = [fabric for fabric in STUDY.fabrics if tests_of(fabric, KES_KINDS)]
-
-
-def kes_files():
-    return [result_of("kes", fabric=fabric) for fabric in FABRICS_WITH_KES]
-
-
-def one_of_each_scene():
-    """Names of the fabrics that are the first with their scene and have an equilibrium test."""
-    found = {}
-    for name in fabrics_with("equilibrium_tension"):
-        found.setdefault(STUDY.fabrics[name].scene.name, name)
-    return list(found.values())
-
-
-def skips_of_fabric(fabric):
-    return skips_of(STUDY.fabrics[fabric].scene)
-
-
-def calibrated(fabric, on_request=False):
-    """Result files of a fabric's calibrations; on_request None: of all of them."""
-    return [
-        result_of("calibration", fabric=fabric, calibration=name)
-        for name in names_of(STUDY.fabrics[fabric], on_request)
-    ]
-
-
-def measured_curves(wildcards):
-    fabric = STUDY.fabrics[wildcards.fabric]
-    return [path for name in fabric["measured"] for path in fabric.measured_paths(name)]
-
-
-def drawn(figures, suffix):
-    """The files of figures of the catalogue."""
-    return [
-        results(f"figures/{figure.name}{suffix}.{kind}")
-        for figure in figures
-        for kind in ("png", "svg")
-    ]
-
-
-def output_files():
-    verified = [*rules.verification.output, *rules.figures_verification.output]
-    vtk = expand(rules.vtk.output.directory, fabric=STUDY.fabrics)
-    benchmark = [*rules.skipping.output, *rules.benchmark_quick.output]
-    return [*rules.tables.output, *kes_files(), *vtk, *FIGURES, *verified, *benchmark]
+# What was cut short from outside, by a full disk or a copy, is made again.
+for file in [*YARN_FILES, *TEST_FILES, *KES_FILES]:
+    if os.path.exists(file) and not is_whole(file):
+        print(f"knitsim: {file} is cut short: it is made again", file=sys.stderr)
+        os.unlink(file)
 
 
 wildcard_constraints:
     yarn="|".join(map(re.escape, STUDY.yarns)),
     fabric="|".join(map(re.escape, STUDY.fabrics)),
     direction="course|wale",
+
+
+onstart:
+    kept.keep(CONTENTS, Path(config["kept"]), KEPT, DIGEST)
 
 
 localrules:

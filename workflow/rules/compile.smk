@@ -19,7 +19,18 @@ for number, part in enumerate(PARTS):
             kernels=kernel_hash(),
             small=(Path(workflow.basedir) / "config/small").as_posix(),
         priority: 100 - number
-        # As a function: snakemake --unlock knows no number of cores.
-        threads: lambda wildcards: max(1, workflow.cores // len(PARTS))
+        resources:
+            mem_mb=2000,
+            runtime=10,
         script:
             "../scripts/compile.py"
+
+
+# Before jobs on a cluster: snakemake -c4 compile, where they find the same cache.
+rule compile:
+    input:
+        [timings_of(f"compile_{part}") for part in PARTS],
+
+
+localrules:
+    compile,

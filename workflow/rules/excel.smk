@@ -3,16 +3,17 @@
 
 rule excel:
     input:
-        [
-            file
-            for file in [*output_files(), *MEASURED_OUTPUT]
-            if file.endswith(".csv") and "/tables/" in file
-        ],
+        TABLES,
+        rules.verification.output.table,
+        rules.skipping.output.table,
     output:
         directory=directory(results("tables/excel")),
     log:
         log_of("excel"),
     params:
         source=source_hash("knitsim.store.table"),
+    resources:
+        mem_mb=1000,
+        runtime=10,
     script:
         "../scripts/excel.py"

@@ -1,53 +1,57 @@
-# Fabric: the loop, its tests in both models, and their KES parameters.
+# Fabric: the tests of one model are one job; then what is read from them.
+# One rule for the fabrics that need the same tests.
+
+for job in JOBS:
+    for number, (tests, fabrics) in enumerate(PLAN.shapes(job)):
+        TIMINGS += [timings_of(f"{job}_{fabric}") for fabric in fabrics]
+
+        rule:
+            name:
+                f"{job}_{number + 1}" if number else job
+            input:
+                # The loop alone needs no yarn.
+                yarn=[] if tests == (("loop", ""),) else yarn_of,
+                # Of the yarn in the equilibrium model.
+                compression=[] if job == "kinematic" else compression_of,
+            output:
+                result=[results(plan_path(test)) for test in tests],
+                timings=timings_of(f"{job}_{{fabric}}"),
+            log:
+                log_of(f"{job}_{{fabric}}"),
+            params:
+                tests=tests,
+                inputs=lambda wildcards, job=job: PLAN.inputs(job, wildcards.fabric),
+                source=source_hash(
+                    "knitsim.stages.several",
+                    *(f"knitsim.stages.{stage}" for stage in dict(tests)),
+                ),
+            wildcard_constraints:
+                fabric=one_of(fabrics),
+            resources:
+                mem_mb=1500,
+                runtime=30,
+            priority: 0 if job == "kinematic" else EQUILIBRIUM_PRIORITY
+            script:
+                "../scripts/stage.py"
 
 
-rule loop:
-    output:
-        result=result_of("loop"),
-        timings=timings_of("loop_{fabric}"),
-    log:
-        log_of("loop_{fabric}"),
-    params:
-        stage="loop",
-        inputs=lambda wildcards: inputs_of("fabrics", wildcards.fabric, "loop"),
-        source=source_hash("knitsim.stages.loop"),
-    script:
-        "../scripts/stage.py"
-
-
-for stage in TESTS:
-    job = f"{stage}_{{fabric}}" + ("_{direction}" if RESULTS[stage].has_direction else "")
-
-    rule:
-        name:
-            stage
-        input:
-            yarn=yarn_of,
-            # Of the yarn in the equilibrium model.
-            compression=compression_of if RESULTS[stage].model == "equilibrium" else [],
-        output:
-            result=result_of(stage),
-            timings=timings_of(job),
-        log:
-            log_of(job),
-        params:
-            stage=stage,
-            inputs=lambda wildcards, stage=stage: inputs_of("fabrics", wildcards.fabric, stage),
-            source=source_hash(f"knitsim.stages.{stage}"),
-        # The figures of tension, the longest to draw, wait for the kinematic one.
-        priority: {"kinematic_tension": 1, "kinematic_bending": 0}.get(stage, EQUILIBRIUM_PRIORITY)
-        script:
-            "../scripts/stage.py"
-
-
-rule kes:
+rule readings:
     input:
-        lambda wildcards: tests_of(wildcards.fabric, KES_KINDS),
+        tests=lambda wildcards: [results(f) for f in PLAN.of_kinds(wildcards.fabric, KES_KINDS)],
     output:
-        result=result_of("kes"),
+        kes=result_of("kes"),
+        vtk=directory(results("vtk/{fabric}")),
     log:
-        log_of("kes_{fabric}"),
+        log_of("readings_{fabric}"),
     params:
-        source=source_hash("knitsim.stages.kes"),
+        source=source_hash("knitsim.stages.kes", "knitsim.stages.vtk_states"),
+    wildcard_constraints:
+        fabric=one_of(PLAN.with_kes),
+    resources:
+        mem_mb=1500,
+        runtime=10,
     script:
-        "../scripts/kes.py"
+        "../scripts/readings.py"
+
+
+OTHERS += [results(f"vtk/{fabric}") for fabric in PLAN.with_kes]

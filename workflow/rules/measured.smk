@@ -2,10 +2,9 @@
 # on_request are made by snakemake calibration only.
 
 MEASURED_TABLES = ("calibration", "prediction")
-# Names of the timings of the calibrations that are made by default.
-MEASURED_STAGES = [
-    f"measured_{fabric}_{name}"
-    for fabric in MEASURED_FABRICS
+TIMINGS += [
+    timings_of(f"measured_{fabric}_{name}")
+    for fabric in PLAN.measured
     for name in names_of(STUDY.fabrics[fabric], False)
 ]
 
@@ -14,62 +13,51 @@ rule measured:
     input:
         yarn=yarn_of,
         compression=compression_of,
-        curves=measured_curves,
+        curves=curves_of,
     output:
         result=result_of("calibration"),
         timings=timings_of("measured_{fabric}_{calibration}"),
     log:
         log_of("measured_{fabric}_{calibration}"),
     params:
-        stage="calibration",
-        inputs=lambda wildcards: digest_of(
-            config_of(STUDY.fabrics[wildcards.fabric], wildcards.calibration)
-        ),
-        source=source_hash("knitsim.stages.calibration"),
+        tests=lambda wildcards: [("calibration", wildcards.calibration)],
+        inputs=lambda wildcards: PLAN.calibration_inputs(wildcards.fabric, wildcards.calibration),
+        source=source_hash("knitsim.stages.several", "knitsim.stages.calibration"),
     wildcard_constraints:
         calibration=r"[^/]+",
+    resources:
+        mem_mb=1500,
+        runtime=60,
     priority: EQUILIBRIUM_PRIORITY
     script:
         "../scripts/stage.py"
 
 
-# Tables and figures of the calibrations made by default, and of all of them.
-MEASURED_OUTPUT, ALL_MEASURED_FIGURES = [], []
-for target, on_request in (("", False), ("_all", None)):
-    if not MEASURED_FABRICS:
-        break
-    tables = [results(f"tables/{name}{target}.csv") for name in MEASURED_TABLES]
-
-    rule:
-        name:
-            f"measured_tables{target}"
-        input:
-            [file for fabric in MEASURED_FABRICS for file in calibrated(fabric, on_request)],
-        output:
-            tables,
-        log:
-            log_of(f"measured_tables{target}"),
-        params:
-            source=source_hash("knitsim.stages.calibration_tables"),
-        script:
-            "../scripts/measured_tables.py"
-
-    MEASURED_OUTPUT += [] if target else tables
-    for number, fabric in enumerate(MEASURED_FABRICS):
+# Figures of the calibrations made by default, and of all of them.
+ALL_MEASURED, MEASURED_FILES = [], {"": [], "_all": []}
+for target, on_request in (("", False), ("_all", None)) if PLAN.measured else ():
+    drawings = []
+    for number, fabric in enumerate(PLAN.measured):
         # The first measured fabric carries the plain names.
-        suffix, fits = (f"_{fabric}" if number else "") + target, calibrated(fabric, on_request)
+        fits = PLAN.calibrated(fabric, on_request)
         names = ["measured", "fitted"] if len(fits) > 1 else ["measured"]
-        outputs = drawn(catalogue.drawable("measured", "fabric", names), suffix)
-        ALL_MEASURED_FIGURES += outputs if target else []
-        MEASURED_OUTPUT += [] if target else outputs
+        figures = catalogue.drawable("measured", "fabric", names)
+        suffix = (f"_{fabric}" if number else "") + target
+        drawings.append(([results(fit) for fit in fits], names, suffix))
+        FIGURES_OF_MEASURED = [
+            results(f"figures/{figure.name}{suffix}.{kind}")
+            for figure in figures
+            for kind in ("png", "svg")
+        ]
+        (ALL_MEASURED if target else FIGURES).extend(FIGURES_OF_MEASURED)
 
         rule:
             name:
                 f"figures_measured{target}_{number}"
             input:
-                **{name: fits for name in names},
+                **{name: drawings[-1][0] for name in names},
             output:
-                outputs,
+                FIGURES_OF_MEASURED,
             log:
                 log_of(f"figures_measured{target}_{fabric}"),
             params:
@@ -77,30 +65,35 @@ for target, on_request in (("", False), ("_all", None)):
                 of="fabric",
                 suffix=suffix,
                 source=source_hash("knitsim.figures.draw", *catalogue.modules("measured")),
+            resources:
+                mem_mb=1500,
+                runtime=10,
             script:
                 "../scripts/figures.py"
 
+    MEASURED_FILES[target] = [fit for fits, _, _ in drawings for fit in fits]
 
-if fabrics_with("sensitivity"):
-    MEASURED_OUTPUT.append(results("tables/sensitivity.csv"))
 
-    rule sensitivity_table:
-        input:
-            [result_of("sensitivity", fabric=fabric) for fabric in fabrics_with("sensitivity")],
-        output:
-            results("tables/sensitivity.csv"),
-        log:
-            log_of("sensitivity_table"),
-        params:
-            source=source_hash("knitsim.stages.sensitivity"),
-        script:
-            "../scripts/sensitivity_table.py"
+rule measured_tables_all:
+    input:
+        MEASURED_FILES["_all"],
+    output:
+        [results(f"tables/{name}_all.csv") for name in MEASURED_TABLES],
+    log:
+        log_of("measured_tables_all"),
+    params:
+        source=source_hash("knitsim.stages.calibration_tables"),
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    script:
+        "../scripts/measured_tables.py"
 
 
 rule calibration:
     input:
-        [results(f"tables/{name}_all.csv") for name in MEASURED_TABLES] if MEASURED_FABRICS else [],
-        ALL_MEASURED_FIGURES,
+        rules.measured_tables_all.output if PLAN.measured else [],
+        ALL_MEASURED,
 
 
 localrules:

@@ -1,85 +1,87 @@
-# Tables, figures and ParaView files: all read result files only.
+# Figures, tables and the page: all read result files only.
+
+# One rule for the yarns, or fabrics, that have the same files, since what can be drawn depends on them.
+# The first yarn and the first fabric carry the plain names.
+for drawing in PLAN.drawings():
+    for name in drawing.names:
+        FIGURES += map(results, drawing.outputs(name))
+
+    rule:
+        name:
+            f"figures_{drawing.group}{drawing.number or ''}"
+        input:
+            unpack(
+                lambda wildcards, drawing=drawing: {
+                    name: results(file)
+                    for name, file in drawing.inputs(wildcards.get(drawing.of)).items()
+                }
+            ),
+        output:
+            [results(file) for file in drawing.outputs()],
+        log:
+            log_of(f"figures_{drawing.group}{drawing.suffix or '_first_' + drawing.of}"),
+        params:
+            group=drawing.group,
+            of=drawing.of,
+            suffix=lambda wildcards, drawing=drawing: drawing.suffix.format(**wildcards),
+            source=source_hash("knitsim.figures.draw", *catalogue.modules(drawing.group)),
+        wildcard_constraints:
+            **{drawing.of: one_of(drawing.names)},
+        resources:
+            mem_mb=1500,
+            runtime=10,
+        # The longest to draw.
+        priority: 2 if drawing.group == "paper" else 0
+        script:
+            "../scripts/figures.py"
+
+
+TABLES += [
+    results(f"tables/{name}.csv")
+    for name in (
+        "timing", "assumptions", "corrections", "kes", "curl", "load_extension", "summary",
+        *(MEASURED_TABLES if PLAN.measured else ()),
+        *(["sensitivity"] if any("sensitivity" in "".join(f) for f in PLAN.files.values()) else ()),
+    )
+]  # fmt: skip
 
 
 rule tables:
     input:
-        results=[*yarn_files(), *fabric_files()],
-        kes_of_fabrics=kes_files(),
-        timings=[
-            timings_of(name)
-            for name in [
-                *(f"compile_{part}" for part in PARTS),
-                "verification",
-                *MEASURED_STAGES,
-                *(f"yarn_{yarn}" for yarn in STUDY.yarns),
-                *(f"loop_{fabric}" for fabric in FABRICS_WITH_LOOP),
-                *(
-                    "_".join([stage, *wildcards.values()])
-                    for stage in TESTS
-                    for fabric in STUDY.fabrics
-                    for wildcards in wildcards_of(stage, fabric)
-                ),
-            ]
-        ],
+        results=[*YARN_FILES, *TEST_FILES],
+        kes=KES_FILES,
+        measured=MEASURED_FILES[""],
+        timings=[timings_of(f"compile_{part}") for part in PARTS]
+        + [timings_of("verification"), *TIMINGS],
     output:
-        timing=results("tables/timing.csv"),
-        assumptions=results("tables/assumptions.csv"),
-        corrections=results("tables/corrections.csv"),
-        kes=results("tables/kes.csv"),
-        curl=results("tables/curl.csv"),
+        TABLES,
     log:
         log_of("tables"),
     params:
         assumptions=digest_of([row.as_dict() for row in STUDY.assumptions()]),
-        source=source_hash("knitsim.stages.tables", "knitsim.stages.kes_table"),
+        source=source_hash("knitsim.stages.all_tables"),
+    resources:
+        mem_mb=1500,
+        runtime=30,
     script:
         "../scripts/tables.py"
 
 
-rule vtk:
+rule page:
     input:
-        results=lambda wildcards: tests_of(wildcards.fabric, ("tensile", "bending")),
+        tables=TABLES,
+        figures=FIGURES,
+        results=[*YARN_FILES, *TEST_FILES, *KES_FILES, *MEASURED_FILES[""]],
+        more=[*rules.verification.output, *rules.skipping.output],
     output:
-        directory=directory(results("vtk/{fabric}")),
+        page=results("index.html"),
     log:
-        log_of("vtk_{fabric}"),
+        log_of("page"),
     params:
-        source=source_hash("knitsim.stages.vtk_states"),
+        assumptions=digest_of([row.as_dict() for row in STUDY.assumptions()]),
+        source=source_hash("knitsim.stages.page", "knitsim.figures.catalogue"),
+    resources:
+        mem_mb=1500,
+        runtime=30,
     script:
-        "../scripts/vtk.py"
-
-
-# One rule for each group of figures and each yarn or fabric, since what can be drawn depends on the
-# tests of its scene.  The first yarn and the first fabric carry the plain names.
-FIGURES = []
-MADE = {*yarn_files(), *fabric_files(), *kes_files()}
-for group in catalogue.GROUPS:
-    for of, subjects in (("yarn", STUDY.yarns), ("fabric", STUDY.fabrics)):
-        for number, subject in enumerate(subjects):
-            paths = {name: results(path) for name, path in catalogue.files_of(of, subject).items()}
-            files = {name: path for name, path in paths.items() if path in MADE}
-            figures = catalogue.drawable(group, of, files)
-            if not figures:
-                continue
-            used = {name for figure in figures for name in (*figure.needs, *figure.takes)}
-            suffix = f"_{subject}" if number else ""
-            FIGURES += drawn(figures, suffix)
-
-            rule:
-                name:
-                    f"figures_{group}_{of}_{number}"
-                input:
-                    **{name: file for name, file in files.items() if name in used},
-                output:
-                    drawn(figures, suffix),
-                log:
-                    log_of(f"figures_{group}_{subject}"),
-                params:
-                    group=group,
-                    of=of,
-                    suffix=suffix,
-                    source=source_hash("knitsim.figures.draw", *catalogue.modules(group)),
-                # The longest to draw.
-                priority: 2 if group == "tension" else 0
-                script:
-                    "../scripts/figures.py"
+        "../scripts/page.py"

@@ -1,20 +1,22 @@
 # What the scenes do not need, computed with and without: part of the default target.
 
+SKIP_FABRICS, SKIP_INPUTS, SKIPS = PLAN.skipping()
+
 
 rule skipping:
     output:
         table=results("tables/skipped.csv"),
+        times=results("benchmark/skipping.csv"),
     log:
         log_of("skipping"),
     params:
-        fabrics=one_of_each_scene(),
-        inputs=[
-            inputs_of("fabrics", name, stage)
-            for name in one_of_each_scene()
-            for stage in ("equilibrium_tension", "yarn", "loop")
-        ],
-        skips=[str(skip) for name in one_of_each_scene() for skip in skips_of_fabric(name)],
+        fabrics=SKIP_FABRICS,
+        inputs=SKIP_INPUTS,
+        skips=SKIPS,
         source=source_hash("knitsim.stages.skipping"),
+    resources:
+        mem_mb=1500,
+        runtime=30,
     # When the kernels are compiled.
     priority: EQUILIBRIUM_PRIORITY
     script:

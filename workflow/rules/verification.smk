@@ -1,5 +1,11 @@
 # The solver against exact answers; depends on the code alone, not on the study.
 
+DRAWN_OF_CASES = [
+    results(f"figures/{figure.name}.{kind}")
+    for figure in catalogue.drawable("verification", "study", ["verification"])
+    for kind in ("png", "svg")
+]
+
 
 rule verification:
     output:
@@ -10,6 +16,9 @@ rule verification:
         log_of("verification"),
     params:
         source=source_hash("knitsim.stages.verification"),
+    resources:
+        mem_mb=1500,
+        runtime=30,
     # Last, when the long compilation of the equilibrium is done.
     priority: EQUILIBRIUM_PRIORITY
     script:
@@ -20,7 +29,7 @@ rule figures_verification:
     input:
         verification=rules.verification.output.result,
     output:
-        drawn(catalogue.drawable("verification", "study", ["verification"]), ""),
+        DRAWN_OF_CASES,
     log:
         log_of("figures_verification"),
     params:
@@ -28,5 +37,11 @@ rule figures_verification:
         of="study",
         suffix="",
         source=source_hash("knitsim.figures.draw", *catalogue.modules("verification")),
+    resources:
+        mem_mb=1500,
+        runtime=10,
     script:
         "../scripts/figures.py"
+
+
+FIGURES += DRAWN_OF_CASES

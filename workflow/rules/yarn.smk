@@ -1,5 +1,7 @@
 # Yarn: calibration of the tension law, fibres, simulated tensile test.
 
+TIMINGS += [timings_of(f"yarn_{yarn}") for yarn in STUDY.yarns]
+
 
 rule yarn:
     input:
@@ -10,9 +12,12 @@ rule yarn:
     log:
         log_of("yarn_{yarn}"),
     params:
-        stage="yarn",
-        inputs=lambda wildcards: inputs_of("yarns", wildcards.yarn, "yarn"),
-        source=source_hash("knitsim.stages.yarn"),
+        tests=[("yarn", "")],
+        inputs=lambda wildcards: PLAN.yarn_inputs(wildcards.yarn),
+        source=source_hash("knitsim.stages.several", "knitsim.stages.yarn"),
+    resources:
+        mem_mb=1500,
+        runtime=10,
     # Every test of a fabric waits for its yarn.
     priority: 2
     script:

@@ -8,7 +8,8 @@ with job(snakemake):
     from knitsim.figures.catalogue import drawable
     from knitsim.figures.draw import draw
 
-    files = dict(snakemake.input.items())
+    files, suffix = dict(snakemake.input.items()), snakemake.params.suffix
     figures = drawable(snakemake.params.group, snakemake.params.of, files)
-    directory, suffix = Path(snakemake.output[0]).parent, snakemake.params.suffix
-    draw(figures, files, {figure.name: directory / (figure.name + suffix) for figure in figures})
+    directory = Path(snakemake.output[0]).parent
+    stems = {figure.name: directory / (figure.name + suffix) for figure in figures}
+    draw(figures, files, stems, snakemake.log[0])

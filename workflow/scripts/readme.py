@@ -1,4 +1,4 @@
-"""Write the README's tables from the workflow's: python workflow/scripts/readme.py [results]."""
+"""Write the tables of workflow/report/README.md from the workflow's: python workflow/scripts/readme.py [results]."""
 
 import csv
 import re
@@ -99,7 +99,7 @@ def campaigns(folder):
 
 
 results = Path(sys.argv[1] if len(sys.argv) > 1 else "results") / "tables"
-readme = Path("README.md")
+readme = Path("workflow/report/README.md")
 text = readme.read_text(encoding="utf-8")
 for name, content in (
     ("assumptions", assumptions(results / "assumptions.csv")),

@@ -1,12 +1,13 @@
 """Rule skipping: what the scenes do not need, and what leaving it out saves and changes."""
 
-from knitsim.stages.job import job
+from knitsim.stages.job import absolute, job, kept_study
 
 with job(snakemake):
-    from knitsim.stages.skipping import COLUMNS, run
+    from knitsim.stages.skipping import COLUMNS, TIMES, run
     from knitsim.store.timing import write_csv
-    from knitsim.study.study import load_study
 
-    study = load_study(snakemake.config["study"])
-    fabrics = [study.fabrics[name] for name in snakemake.params.fabrics]
-    write_csv(snakemake.output.table, COLUMNS, run(fabrics))
+    table, times = absolute([snakemake.output.table, snakemake.output.times])
+    with kept_study(snakemake) as study:
+        rows = run([study.fabrics[name] for name in snakemake.params.fabrics])
+    write_csv(table, COLUMNS, rows)
+    write_csv(times, TIMES, rows)

@@ -1,15 +1,14 @@
-"""Rule tables: run times, assumptions with their effects, corrections with their sizes."""
+"""Rule tables: every table that is gathered from all result files."""
 
-from knitsim.stages.job import job
+from knitsim.stages.job import absolute, job, kept_study
 
 with job(snakemake):
-    from knitsim.stages.kes_table import curl_table, kes_table
-    from knitsim.stages.tables import assumption_table, correction_table, timing_table
-    from knitsim.study.study import load_study
+    from knitsim.stages.all_tables import write_tables
 
-    study = load_study(snakemake.config["study"])
-    timing_table(snakemake.input.timings, snakemake.output.timing)
-    assumption_table(study, snakemake.input.results, snakemake.output.assumptions)
-    correction_table(snakemake.input.results, snakemake.output.corrections)
-    kes_table(snakemake.input.kes_of_fabrics, snakemake.output.kes)
-    curl_table(snakemake.input.results, snakemake.output.curl)
+    tables = {path.stem: path for path in absolute(snakemake.output)}
+    files = {
+        name: absolute(snakemake.input.get(name, []))
+        for name in ("results", "kes", "measured", "timings")
+    }
+    with kept_study(snakemake) as study:
+        write_tables(study, files, tables)

@@ -1,0 +1,54 @@
+"""The command ``knitsim``: a study made, checked, run and shown; one fabric; one measured file.
+
+Nothing heavy is imported before it is known what is asked for.
+"""
+
+import argparse
+import sys
+from importlib import import_module
+
+from knitsim.errors import ComputationError, InputError
+
+# Name: the module of this room that does it, and what it is for.
+COMMANDS = {
+    "new": ("study", "make a study to edit: yarns, fabrics, tests"),
+    "check": ("study", "check a study without computing"),
+    "run": ("run", "compute a study: results, tables, figures and a page"),
+    "show": ("show", "what a run has found, as a table"),
+    "fabric": ("fabric", "one fabric on the screen"),
+    "read": ("", "show what is recognised in a file of a measured test"),
+}
+
+
+def parser():
+    """The ArgumentParser of the command."""
+    import knitsim
+
+    top = argparse.ArgumentParser(prog="knitsim", description=knitsim.__doc__.splitlines()[0])
+    top.add_argument("--version", action="version", version=f"knitsim {knitsim.__version__}")
+    parts = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, (module, about) in COMMANDS.items():
+        part = parts.add_parser(name, help=about, description=about, add_help=bool(module))
+        if module:
+            getattr(import_module(f"knitsim.command.{module}"), f"{name}_options")(part)
+    return top
+
+
+def main(arguments=None):
+    """Do what ``arguments`` (of the process where None) ask for; the exit status."""
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    if arguments[:1] == ["read"]:  # has options of its own
+        from knitsim.measured.report import main as read
+
+        return read(arguments[1:])
+    given, more = parser().parse_known_args(arguments)
+    if more and given.command != "run":
+        parser().error(f"unknown: {' '.join(more)}")
+    module = import_module(f"knitsim.command.{COMMANDS[given.command][0]}")
+    try:
+        return getattr(module, given.command)(given, *([more] if given.command == "run" else []))
+    except (InputError, ComputationError) as error:
+        print(f"knitsim: {error}", file=sys.stderr)
+    except BrokenPipeError:  # what reads the screen has seen enough
+        sys.stderr.close()
+    return 1

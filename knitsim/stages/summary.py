@@ -1,0 +1,132 @@
+"""What came out of a study, a fabric a row: ``tables/summary.csv``, which ends every run on the screen.
+
+Of each test that condition is taken which is nearest to a KES tester's: the model that solves for
+equilibrium before the kinematic one, with friction before without.
+"""
+
+import numpy as np
+
+from knitsim.store.reader import opened, stopped
+from knitsim.store.results import DIRECTIONS
+from knitsim.store.timing import write_csv
+from knitsim.units import from_si
+
+LOAD = "50 gf/cm"  # the largest force of a tensile test of a knitted fabric
+# Columns of each direction: kind of the test, KES parameter, column of the table.
+READ = (
+    ("tensile", f"EMT {LOAD}", "strain_at_50_gf_per_cm_percent"),
+    ("tensile", f"residual_strain {LOAD}", "residual_strain_percent"),
+    ("bending", "B", "B_gf_cm2_per_cm"),
+    ("bending", "2HB", "2HB_gf_cm_per_cm"),
+    ("bending", "M0", "curl_moment_gf_cm_per_cm"),
+)
+SPACINGS = ("wale_spacing", "course_spacing")
+COLUMNS = (
+    "fabric", "yarn",
+    *(f"{state}{name}_mm" for name in SPACINGS for state in ("stated_", "rest_")),
+    *(f"{name}_{direction}" for _, _, name in READ for direction in DIRECTIONS),
+    *(f"force_at_{what}_{d}" for d in DIRECTIONS for what in ("largest_strain_gf_per_cm", "percent")),
+    "largest_numerical_error_percent", "condition", "left_out", "stopped",
+)  # fmt: skip
+_FIRST = ("kes", "friction")  # names of the default conditions with friction
+
+
+def write_summary(study, results, kes, path):
+    """Write the table of a Study from its result files and those of its KES parameters."""
+    rows = {name: _stated(fabric) for name, fabric in study.fabrics.items()}
+    for dataset in opened(results):
+        row = rows.get(dataset.attrs["fabric"])
+        if row is None:
+            continue
+        kind, model = dataset.attrs["kind"], dataset.attrs["model"]
+        if kind == "relaxed":
+            for name in SPACINGS:
+                row[f"rest_{name}_mm"] = f"{1e3 * float(dataset[name]):.4g}"
+        if (
+            model == "equilibrium"
+            and "numerical_error" in dataset
+            and kind in ("tensile", "bending")
+        ):
+            _worst(row, dataset)
+        if kind == "tensile":
+            _largest(row, dataset)
+        if dataset.attrs.get("stop_reason"):
+            where = f"{model} {kind} {dataset.attrs['direction']}".strip()
+            row["stopped"].append(f"{where}: {dataset.attrs['stop_reason']}")
+    for dataset in opened(kes):
+        _read(rows[dataset.attrs["fabric"]], dataset)
+    for about, why in stopped(results):
+        # A yarn that was stopped stops every fabric of it.
+        for name, row in rows.items():
+            if about["fabric"] == name or (not about["fabric"] and row["yarn"] == about["yarn"]):
+                what = about["title"].partition(" of ")[0]
+                row["stopped"].append(f"{what} {about['direction']}".strip() + f": {why}")
+    for row in rows.values():
+        for name in ("left_out", "stopped", "condition"):
+            row[name] = "; ".join(dict.fromkeys(row[name]))
+    write_csv(path, COLUMNS, list(rows.values()))
+
+
+def _stated(fabric):
+    row = dict.fromkeys(COLUMNS, "") | {"fabric": fabric.name, "yarn": fabric.yarn.name}
+    row |= {"left_out": [], "stopped": [], "condition": [], "model": {}}
+    for name in SPACINGS:
+        if fabric.values.get(name) is not None:
+            row[f"stated_{name}_mm"] = f"{1e3 * fabric[name]:.5g}"
+    return row
+
+
+def _worst(row, dataset):
+    error = np.abs(dataset["numerical_error"].values)
+    known = error[np.isfinite(error)]
+    if known.size:
+        before = float(row["largest_numerical_error_percent"] or 0.0)
+        row["largest_numerical_error_percent"] = f"{max(before, 100.0 * known.max()):.3g}"
+
+
+def _largest(row, dataset):
+    """The largest strain that a test was asked for, and the force there; equilibrium comes first."""
+    direction, model = dataset.attrs["direction"], dataset.attrs["model"]
+    if row["model"].get(direction) == "equilibrium" and model != "equilibrium":
+        return
+    strain, force = dataset["strain"].values, dataset["force_per_width"]
+    force = force.isel(variant=0).values if "variant" in force.dims else force.values
+    strain = dataset["strain"].isel(variant=0).values if strain.ndim > 1 else strain
+    held = np.isfinite(strain) & np.isfinite(force)
+    if held.any():
+        at = int(np.argmax(np.where(held, strain, -np.inf)))
+        row["model"][direction] = model
+        row[f"force_at_largest_strain_gf_per_cm_{direction}"] = (
+            f"{from_si(float(force[at]), 'gf_per_cm'):.4g}"
+        )
+        row[f"force_at_percent_{direction}"] = f"{100.0 * float(strain[at]):.4g}"
+
+
+def _read(row, dataset):
+    """Take the KES parameters of one fabric from its dataset."""
+    names = ("test", "model", "direction", "variant", "kes_parameter", "kes_value", "left_out")
+    rows = [
+        dict(zip(names, values, strict=True))
+        for values in zip(*(dataset[name].values for name in names), strict=True)
+    ]
+    for kind, parameter, column in READ:
+        for direction in DIRECTIONS:
+            found = [
+                one for one in rows
+                if (one["test"], one["direction"], one["kes_parameter"]) == (kind, direction, parameter)
+            ]  # fmt: skip
+            known = [one for one in found if np.isfinite(one["kes_value"])]
+            if known:
+                one = min(known, key=_rank)
+                row[f"{column}_{direction}"] = f"{one['kes_value']:.4g}"
+                row["condition"].append(f"{kind} {direction}: {one['model']}, {one['variant']}")
+            elif found:
+                row["left_out"].append(
+                    f"{parameter} {direction}: {min(found, key=_rank)['left_out']}"
+                )
+
+
+def _rank(one):
+    variant = one["variant"]
+    place = _FIRST.index(variant) if variant in _FIRST else len(_FIRST)
+    return one["model"] != "equilibrium", place
