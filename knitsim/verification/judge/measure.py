@@ -3,9 +3,9 @@
 Nothing here is shared with the solver: no symmetry, no unknowns, no compiled code.  Whole loops, their
 neighbours by translation, every integral a sum over points, derivatives by complex step.  The
 formulation is the one that the equilibrium model states: per reference length W(strain) of the
-tension law and B/2 (kappa - kappa_0)^2, kappa_0 a part of the curvature of the held loop, and between
-yarns an energy per length squared of unordered pairs, without neighbours on one yarn closer than 1.6
-diameters of arc.
+tension law and B/2 |k - R k_0|^2, k the curvature vector, k_0 a part of that of the held loop and R the
+least rotation between the tangents there and here; and between yarns an energy per length squared of
+unordered pairs, without neighbours on one yarn closer than 1.6 diameters of arc.
 
 Where the fabric is bent, the point (x, y, z), x along the bent direction, lies at the angle kappa x of
 a cylinder about the other direction, at the radius 1/kappa + z; a curvature of zero is the flat fabric.
@@ -16,15 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from knitsim.verification.judge import contact
 from knitsim.verification.judge.given import control_of, design, law_energy
 
 NEIGHBOURS = 1.6  # diameters of arc below which two places of one yarn do not touch
-ROUNDED_STRAIN = (
-    4e-4  # half width over which the solver says that it rounds kinks of the tension law
-)
-ROUNDED_TURN = (
-    0.02  # of 2 pi over the loop length: how the solver says that it rounds |kappa| near 0
-)
+ROUNDED_STRAIN = 4e-4  # half width over which the solver says that it rounds kinks of the tension law
 REACH = 2  # wales and courses to the furthest images that can touch
 _STEP = 1e-30  # of complex derivatives: exact to round-off, whatever the unit
 
@@ -35,8 +31,8 @@ class Shape:
 
     control (yarns, spans, 3); lattice (4,): the steps to the next wale and to the next course (m);
     curvature (1/m); points (contacts, 3): contact points of all yarns.  Unordered pairs of contact
-    points closer than a diameter in space: i, k, image (pairs, 2) by which k is moved (cells along the
-    course and the wale), gap (pairs, 3): from k to i, and its length distance (m).
+    points that may touch: i, k, image (pairs, 2) by which k is moved (cells along the course and the
+    wale), gap (pairs, 3): from k to i in space, and its length distance (m).
     """
 
     control: np.ndarray
@@ -54,13 +50,14 @@ class Energy:
     """Energy of one cell by one quadrature.
 
     gauss: points of the yarn's own energy per span; contacts: contact points per loop, in the middle
-    of equal parts; rounding: whether kinks are rounded as the solver says; bent: the axis that becomes
-    curved (0 course, 1 wale).
+    of equal parts; stated: whether kinks of the tension law are rounded and the contact law is averaged
+    over cells (:mod:`.contact`) as the solver says that it does, or both are taken as given; bent: the
+    axis that becomes curved (0 course, 1 wale).
     """
 
-    def __init__(self, given, gauss, contacts, rounding, bent=0):
-        self.given, self.bent = given, bent
-        self.rounding = ROUNDED_STRAIN if rounding else 0.0
+    def __init__(self, given, gauss, contacts, stated, bent=0):
+        self.given, self.bent, self.stated = given, bent, stated
+        self.rounding = ROUNDED_STRAIN if stated else 0.0
         self.loops = given.wales * given.courses
         n = given.points * given.wales
         place, weight = np.polynomial.legendre.leggauss(gauss)
@@ -68,21 +65,26 @@ class Energy:
         self.span = given.loop_length / given.points
         self.weight = np.tile(0.5 * weight, n) * self.span
         self.yarn = [design(n, u, order) for order in (0, 1, 2)]
-        self.rest = self.turn_rounding = None
+        self.rest = None
         if given.set_fraction > 0.0:
             line, lattice = given.held
             own = control_of(line[:-1:2], line[-1] - line[0])
             v, a = (
-                matrix @ own + np.outer(turns, [lattice[0], lattice[1], 0.0])
+                (matrix @ own + np.outer(turns, [lattice[0], lattice[1], 0.0]))[:, [bent, 1 - bent, 2]].T
                 for matrix, turns in (design(given.points, u, order) for order in (1, 2))
             )
-            self.rest = given.set_fraction * size_of(self._turn(v.T, a.T).T)
-            self.turn_rounding = rounding * ROUNDED_TURN * 2.0 * np.pi / given.loop_length
+            # Tangent and rest curvature, in the frame in which the fabric bends.
+            self.rest = v / size_of(v.T), given.set_fraction * self._turn(v, a)
         u = (np.arange(contacts * given.wales) + 0.5) * given.points / contacts
         self.arc = np.tile(u * self.span, given.courses)
         self.of_yarn = np.repeat(np.arange(given.courses), len(u))
         self.length = given.loop_length / contacts
         self.place, self.turns = design(n, u)
+        # Steps to the next contact points, and second differences.
+        part = given.points / contacts
+        self.frames = [
+            tuple(part**order * x for x in design(n, u, order)) for order in ((1, 2) if stated else ())
+        ]
 
     # ------------------------------------------------------------ shapes
 
@@ -96,7 +98,8 @@ class Energy:
         control, lattice = np.atleast_3d(control), np.asarray(lattice, dtype=float)
         control = control.reshape(self.given.courses, -1, 3)
         points = self.placed(self.place, self.turns, control, lattice).reshape(-1, 3)
-        i, k, image, _ = self.near(points, lattice, curvature, self.given.diameter)
+        reach = self.given.diameter + self.stated * contact.SPREAD * self.length
+        i, k, image, _ = self.near(points, lattice, curvature, reach)
         bare = Shape(control, lattice, curvature, points, i, k, image, None, None)
         gap = self.gaps(bare, i, k, image)
         return Shape(control, lattice, curvature, points, i, k, image, gap, size_of(gap))
@@ -166,25 +169,61 @@ class Energy:
     def _by_gap(self, shape):
         """Derivatives (5, pairs, 3) of the gaps by what they depend on, the curvature last."""
         parts = [*self._apart(shape, shape.i, shape.k, shape.image), shape.curvature]
-        slopes = []
-        for n in range(5):
-            moved = list(parts)
-            moved[n] = moved[n] + 1j * _STEP
-            slopes.append(_gap(*moved).imag / _STEP)
-        return np.array(slopes)
+        return np.array([_gap(*moved).imag / _STEP for moved in _moved(parts)])
+
+    # ------------------------------------------------------------ contact
+
+    def _cells(self, shape, i, k, image):
+        """What cells of pairs depend on, as :func:`.contact.cells` takes it: 17 rows, the curvature last."""
+        at = self._apart(shape, i, k, image)
+        order, away = [self.bent, 1 - self.bent, 2], np.array([[-1.0], [-1.0], [1.0]])
+        steps = [
+            self.placed(*one, shape.control, shape.lattice).reshape(-1, 3)[:, order].T
+            for one in self.frames
+        ]
+        own, other = ([step[:, ends] for step in steps] for ends in (i, k))
+        return [*at, *own[0], *(away * other[0]), *own[1], *(away * other[1]), shape.curvature]
+
+    def energies(self, shape):
+        """Energies of the pairs (J)."""
+        if self.stated:
+            parts = self._cells(shape, shape.i, shape.k, shape.image)
+            return contact.mean(self.given, *_cells_of(parts)) * self.length**2
+        return self.given.contact.at(shape.distance, self.given.diameter)[0] * self.length**2
+
+    def press(self, shape, pairs=None):
+        """Forces (pairs,) between the points of pairs (those of the shape if None), repelling (N)."""
+        pairs = (shape.i, shape.k, shape.image) if pairs is None else pairs
+        if self.stated:
+            q, a, b = _cells_of(self._cells(shape, *pairs))
+            far = size_of(self.gaps(shape, *pairs))
+            return contact.press(self.given, q, a, b, far) * self.length**2
+        near = np.minimum(size_of(self.gaps(shape, *pairs)), self.given.diameter)
+        return self.given.contact.at(near, self.given.diameter)[1] * self.length**2
+
+    def _by_contact(self, shape):
+        """Derivatives of the contact energy by control points, cell and curvature."""
+        if not self.stated:
+            return self._pulled(shape, -(self.press(shape) / shape.distance)[:, None] * shape.gap)
+        parts = self._cells(shape, shape.i, shape.k, shape.image)
+        force = contact.slopes(self.given, *_cells_of(parts)) * self.length**2
+        by = [(np.imag(_cells_of(moved)) / _STEP * force).sum(0) for moved in _moved(parts)]
+        found = self._spread(shape, by[:4], (self.place, self.turns), shape.image)
+        for n, frame in enumerate(self.frames):
+            own, other = (by[4 + 6 * n + 3 * end : 7 + 6 * n + 3 * end] for end in (0, 1))
+            moved = self._scattered(
+                shape, frame, self._by_axis(*own), self._by_axis(-other[0], -other[1], other[2])
+            )
+            found = tuple(a + b for a, b in zip(found, moved, strict=True))
+        return *found, by[16].sum()
 
     # ------------------------------------------------------------ energies
-
-    def contact(self, shape):
-        """Energies of the pairs (J), and the forces between them (N), positive when they repel."""
-        v, force = self.given.contact.at(shape.distance, self.given.diameter)
-        return v * self.length**2, force * self.length**2
 
     def terms(self, shape):
         """Stretch, bending and contact energy of a loop (J)."""
         stretch, bend = self._yarn_energies(self._local(shape), shape.curvature)
         yarn = (self.weight * [stretch.sum(0), bend.sum(0)]).sum(1)
-        return np.array([*yarn, self.contact(shape)[0].sum()]) / self.loops
+        return np.array([*yarn, self.energies(shape).sum()]) / self.loops
 
     def _local(self, shape):
         """Place and its derivatives by u at the Gauss points, (9, yarns, m): axis by axis."""
@@ -217,14 +256,15 @@ class Energy:
     def _yarn_energies(self, local, curvature):
         """Stretch and bending energy (J per length) at the Gauss points, (yarns, m) each."""
         v, a = self._motion(local, curvature)
-        strain = np.sqrt((v**2).sum(0)) / self.span - 1.0
-        square = (self._turn(v, a) ** 2).sum(0)
-        if self.rest is None:
-            bend = square
-        else:
-            bend = (np.sqrt(square + self.turn_rounding**2) - self.rest) ** 2
-        stretch = law_energy(strain, self.given, self.rounding)
-        return stretch, 0.5 * self.given.bending_rigidity * bend
+        speed = np.sqrt((v**2).sum(0))
+        turn = self._turn(v, a)
+        if self.rest is not None:
+            # R k_0 = k_0 - (k_0.t) (t_0 + t)/(1 + t_0.t), as k_0 lies across t_0.
+            tangent, (was, rest) = v / speed, (one[:, None] for one in self.rest)
+            leant = (rest * tangent).sum(0) / (1.0 + (was * tangent).sum(0))
+            turn = turn - rest + leant * (was + tangent)
+        stretch = law_energy(speed / self.span - 1.0, self.given, self.rounding)
+        return stretch, 0.5 * self.given.bending_rigidity * (turn**2).sum(0)
 
     def _by_local(self, shape, values):
         """For each of the nine local numbers: its design, its axis, and the slope of values(local)."""
@@ -240,8 +280,7 @@ class Energy:
 
         What is not named stays as it is; when the lattice changes, images and ends of yarns move.
         """
-        pull = -(self.contact(shape)[1] / shape.distance)[:, None] * shape.gap
-        on_control, on_cell, by_curvature = self._pulled(shape, pull)
+        on_control, on_cell, by_curvature = self._by_contact(shape)
         rows = self._by_local(shape, lambda x: sum(self._yarn_energies(x, shape.curvature)))
         for (matrix, turns), axis, slope in rows:
             on_control[..., axis] += (self.weight * slope) @ matrix
@@ -254,11 +293,19 @@ class Energy:
     def _pulled(self, shape, pull):
         """Derivatives by control points, cell (2, 2) and curvature, from those by the gaps (pairs, 3)."""
         by = (self._by_gap(shape) * pull).sum(-1)
+        return *self._spread(shape, by[:4], (self.place, self.turns), shape.image), by[4].sum()
+
+    def _spread(self, shape, by, frame, image):
+        """Derivatives by control points and cell, from those (4, pairs) by what gaps depend on."""
         on_k = self._by_axis(-by[0], -by[1], by[3])
-        at = self._gathered(shape, self._by_axis(by[0], by[1], by[2]), on_k)
-        on_cell = shape.image.T @ on_k[:, :2]
-        on_cell[0] += (self.turns @ at).sum(0)[:2]
-        return self.place.T @ at, on_cell, by[4].sum()
+        on_control, on_cell = self._scattered(shape, frame, self._by_axis(*by[:3]), on_k)
+        return on_control, on_cell + image.T @ on_k[:, :2]
+
+    def _scattered(self, shape, frame, on_i, on_k):
+        """The same from derivatives (pairs, 3) by values of a frame at both ends of the pairs."""
+        at, on_cell = self._gathered(shape, on_i, on_k), np.zeros((2, 2))
+        on_cell[0] = (frame[1] @ at).sum(0)[:2]
+        return frame[0].T @ at, on_cell
 
     def _by_axis(self, along, other, thick):
         """Values (pairs, 3) by the fabric's axes, from those by the bent one, the other, thickness."""
@@ -300,7 +347,7 @@ class Energy:
         curvature went on by least[1] (1/m) or more lags behind it.  What else rubs or lags does so in some
         direction.  Without before no slip is known.
         """
-        rub = self.given.friction * self.contact(shape)[1]
+        rub = self.given.friction * self.press(shape)
         pull, unsure = np.zeros_like(shape.gap), np.ones_like(rub)
         turn = self._turn_of(shape)
         lag, loose = np.zeros_like(turn), np.ones(turn.shape[1:])
@@ -373,10 +420,8 @@ class Energy:
         """
         pairs = np.concatenate([np.column_stack([s.i, s.k, s.image]) for s in (before, after)])
         i, k, *image = np.unique(pairs, axis=0).T
-        pairs, forces = (i, k, np.transpose(image)), 0.0
-        for s in (before, after):
-            near = np.minimum(size_of(self.gaps(s, *pairs)), self.given.diameter)
-            forces = forces + self.given.contact.at(near, self.given.diameter)[1] * self.length**2
+        pairs = i, k, np.transpose(image)
+        forces = self.press(before, pairs) + self.press(after, pairs)
         slip = size_of(self.slip(after, before, pairs))
         was, now = self._turn_of(before), self._turn_of(after)
         change = np.abs((was * (now - was)).sum(0)) / size_of(was.T).T
@@ -394,6 +439,17 @@ def _gap(along, other, z_i, z_k, curvature):
     arm = 0.5 * along if curvature == 0.0 else np.sin(angle) / curvature
     parts = (2.0 + curvature * (z_i + z_k)) * arm, other, (z_i - z_k) * np.cos(angle)
     return np.stack(parts, axis=-1)
+
+
+def _cells_of(parts):
+    """:func:`.contact.cells` of its 17 rows."""
+    return contact.cells(parts[:4], parts[4:7], parts[7:10], parts[10:13], parts[13:16], parts[16])
+
+
+def _moved(parts):
+    """Copies of a list of values, in each of which one has taken a complex step."""
+    for n in range(len(parts)):
+        yield [*parts[:n], parts[n] + 1j * _STEP, *parts[n + 1 :]]
 
 
 def size_of(vectors):

@@ -93,7 +93,7 @@ class Case:
 
     law_strain, law_tension: two linear pieces up to the breaking strain.  contact: the judge's Barrier
     or Core.  points, contacts: control and contact points per loop, contacts None for the default;
-    cell: quarter or full; wales, courses: loops in it.  family: name of a kind of worst case.
+    cell: symmetric or full; wales, courses: loops in it.  family: name of a kind of worst case.
     refined: whether the tests are solved again at twice the resolution.
     """
 
@@ -111,7 +111,7 @@ class Case:
     bending_hysteresis: float = 0.0
     points: int = POINTS
     contacts: int | None = None
-    cell: str = "quarter"
+    cell: str = "symmetric"
     wales: int = 1
     courses: int = 1
     family: str = "any"
@@ -197,7 +197,7 @@ def _fabric(number, value, random, cell):
         (0.0, kink, end), (0.0, at_kink, at_kink + value["second_slope"] * slope * (end - kink)),
         contact, value["friction"] if rubs else 0.0, value["set"] if has["set"] else 0.0,
         lag if has["hysteresis"] else 0.0, 96 if has["fine"] else POINTS, None,
-        cell or ("full" if has["full"] or several else "quarter"), wales, courses, value["family"],
+        cell or ("full" if has["full"] or several else "symmetric"), wales, courses, value["family"],
     )  # fmt: skip
 
 

@@ -192,7 +192,8 @@ def _snaps(asked, relaxed, states, given):
     if finer is None or len(finer.work) != len(states.work):
         return False
     lost = [
-        np.diff(s.work - s.energy.sum(axis=1) - given.rubs * s.dissipated) for s in (states, finer)
+        np.diff(s.work - s.energy.sum(1) - s.sprung - given.rubs * s.dissipated)
+        for s in (states, finer)
     ]
     jump = int(np.argmax(lost[0]))
     same = LOST_ALIKE * lost[0][jump] < lost[1][jump]
