@@ -17,7 +17,7 @@ _AT, _WEIGHT = (0.5 * x for x in np.polynomial.legendre.leggauss(PLACES))
 _STEP = 1e-30  # of complex derivatives
 
 
-def mean(given, square, along, other):
+def cell_mean(given, square, along, other):
     """Mean energy (J/m2) over cells whose squared distance is ``square`` (m2) in the middle.
 
     along, other: its changes over the cell (m2); all of one shape (n,), and complex where derivatives are
@@ -38,14 +38,15 @@ def mean(given, square, along, other):
 
 def _of_barrier(law, d, square, a, b):
     """By the squared distance; cells that touch everywhere by v, v'' and v'''' in the middle."""
-    whole = (square + 0.5 * (a + b)).real <= d * d
-    found = _by_density(lambda x: law.at(np.sqrt(x), d)[0], square, a, b, d * d)
-    u, a, b = 1.0 - square / d**2, a / d**2, b / d**2
+    whole, found = (square + 0.5 * (a + b)).real <= d * d, np.empty_like(square)
+    edge = [x[~whole] for x in (square, a, b)]
+    found[~whole] = _by_density(lambda x: law.at(np.sqrt(x), d)[0], *edge, d * d)
+    u, a, b = 1.0 - square[whole] / d**2, a[whole] / d**2, b[whole] / d**2
     i = 1.0 / (1.0 - u)
     second = (a**2 + b**2) / 24.0
     fourth = (a**4 + b**4) / 1920.0 + a**2 * b**2 / 576.0
-    inside = law.stiffness * (u**2 * i + 2.0 * i**3 * second + 24.0 * i**5 * fourth)
-    return np.where(whole, inside, found)
+    found[whole] = law.stiffness * (u**2 * i + 2.0 * i**3 * second + 24.0 * i**5 * fourth)
+    return found
 
 
 def _by_density(value, middle, a, b, touch):
@@ -63,20 +64,20 @@ def _by_density(value, middle, a, b, touch):
     return total
 
 
-def slopes(given, square, along, other):
-    """Derivatives (3, n) of :func:`mean` by square, along and other."""
+def cell_slopes(given, square, along, other):
+    """Derivatives (3, n) of :func:`cell_mean` by square, along and other."""
     parts = np.array([square, along, other], dtype=complex)
     found = []
     for n in range(3):
         moved = parts.copy()
         moved[n] += 1j * _STEP
-        found.append(mean(given, *moved).imag / _STEP)
+        found.append(cell_mean(given, *moved).imag / _STEP)
     return np.array(found)
 
 
-def press(given, square, along, other, distance):
+def cell_press(given, square, along, other, distance):
     """Force between two points per length of either yarn (N/m2): by the square, times twice the distance."""
-    moved = mean(given, square + 1j * _STEP, along + 0j, other + 0j)
+    moved = cell_mean(given, square + 1j * _STEP, along + 0j, other + 0j)
     return -2.0 * distance * moved.imag / _STEP
 
 

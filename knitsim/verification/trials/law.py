@@ -33,6 +33,8 @@ RANGES = {
     # K d over the first slope; the cotton has 0.0064.
     "compression": (3e-3, 0.3, "log"),
     "friction": (0.0, 0.6, ""),
+    # Stiffness of a contact across over that along its normal, where friction has not yet slipped.
+    "tangential": (0.3, 3.0, "log"),
     # Diameter over core; force of a crossing pressed half way to the core, over B/core^2; exponent.
     # The acrylic has 2.28, 0.014 and 2.4.
     "swell": (1.1, 2.4, ""),
@@ -109,6 +111,7 @@ class Case:
     friction: float = 0.0
     set_fraction: float = 0.0
     bending_hysteresis: float = 0.0
+    tangential_ratio: float = 1.0
     points: int = POINTS
     contacts: int | None = None
     cell: str = "symmetric"
@@ -196,7 +199,7 @@ def _fabric(number, value, random, cell):
         number, length / value["kw"], length / value["kc"], length, thick, rigidity,
         (0.0, kink, end), (0.0, at_kink, at_kink + value["second_slope"] * slope * (end - kink)),
         contact, value["friction"] if rubs else 0.0, value["set"] if has["set"] else 0.0,
-        lag if has["hysteresis"] else 0.0, 96 if has["fine"] else POINTS, None,
+        lag if has["hysteresis"] else 0.0, value["tangential"], 96 if has["fine"] else POINTS, None,
         cell or ("full" if has["full"] or several else "symmetric"), wales, courses, value["family"],
     )  # fmt: skip
 

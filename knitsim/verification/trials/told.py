@@ -24,7 +24,7 @@ def fabric_of(case):
     return Fabric(
         case.wale_spacing, case.course_spacing, case.loop_length, case.diameter,
         case.bending_rigidity, TensionLaw(case.law_strain, case.law_tension, case.law_strain[-1]),
-        contact, case.friction, case.set_fraction, case.bending_hysteresis,
+        contact, case.friction, case.set_fraction, case.bending_hysteresis, case.tangential_ratio,
     )  # fmt: skip
 
 
@@ -34,8 +34,8 @@ def relaxed_of(case):
     return relax(fabric_of(case), size)
 
 
-def given_of(case, relaxed, bends=False):
-    """What the judge is told of a Case and of how finely it was solved."""
+def given_of(case, relaxed):
+    """What the judge is told of a Case and of how finely it was solved: as the state at rest was."""
     model, cell, held = relaxed.model, relaxed.model.cell, None
     if case.set_fraction > 0.0:
         # All loops of a cell take the same set.
@@ -45,7 +45,7 @@ def given_of(case, relaxed, bends=False):
         case.loop_length, case.diameter, case.bending_rigidity, case.law_strain, case.law_tension,
         case.contact, case.friction, cell.points, cell.contacts, cell.wales, cell.courses,
         set_fraction=case.set_fraction, held=held,
-        bending_hysteresis=case.bending_hysteresis if bends else 0.0, sprung=True,
+        bending_hysteresis=case.bending_hysteresis, tangential_ratio=case.tangential_ratio,
     )  # fmt: skip
 
 
@@ -78,7 +78,7 @@ def _states(relaxed, columns, count):
         "centreline": lines_of(relaxed.model, relaxed.y)[None],
         "lattice": lattice_of(relaxed.model, y), "curvature": 0.0, "coordinate": np.zeros((1, 0)),
         "load": np.zeros((1, 4)), "moment": np.nan, "energy": relaxed.energy[None, :3], "sprung": 0.0,
-        "work": 0.0, "dissipated": 0.0, "min_distance": relaxed.min_distance,
+        "work": 0.0, "dissipated": 0.0, "increments": 1, "min_distance": relaxed.min_distance,
         "numerical_error": np.nan,
     }  # fmt: skip
     values = {}
@@ -96,7 +96,7 @@ def states_of(asked, relaxed, curve):
         "lattice": lattice_of(model, curve.y), "energy": curve.energy[:, :3], "work": curve.work,
         "sprung": curve.energy[:, 3],
         "dissipated": curve.dissipated, "min_distance": curve.min_distance,
-        "numerical_error": curve.numerical_error,
+        "numerical_error": curve.numerical_error, "increments": curve.increments,
     }  # fmt: skip
     if asked.kind == "bending":
         columns |= {
