@@ -33,7 +33,7 @@ COULOMB = 1.25  # of the most that friction may do, where it is not known what i
 SETTLED, SEVERAL, VIRGIN, LEFT = 2e-3, 0.1, 0.05, 0.75
 MOST_STEPS = 8  # between two states: what friction does in more is not told anew
 # Of the energy that friction takes or holds in an interval: with one step, with several.
-LOST, LOST_IN_SEVERAL = 0.01, 0.4
+LOST, LOST_IN_SEVERAL = 0.01, 1.0
 BALANCE = 0.015  # of the work: neither stored nor lost
 FROM = 0.25  # balances are read against this part of the whole work at least
 # Slope of the energy against that by finer integrals, over the load: at most this many times what the
