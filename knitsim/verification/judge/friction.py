@@ -59,7 +59,9 @@ class Friction:
         """:class:`Rubbed` at the shape ``after``, reached in one step from ``before``."""
         energy, mu = self.energy, self.energy.given.friction
         pairs, index = np.unique(
-            np.concatenate([_pairs(before), _pairs(after), memory.pairs]), axis=0, return_inverse=True
+            np.concatenate([_pairs(before), _pairs(after), memory.pairs]),
+            axis=0,
+            return_inverse=True,
         )
         at = pairs[:, 0], pairs[:, 1], pairs[:, 2:]
         held, facing = np.zeros((len(pairs), 3)), np.zeros((len(pairs), 3))

@@ -101,9 +101,12 @@ class Loads:
         self.rubbed = list(self._rubbed()) if given.rubs else []
 
     def _rubbed(self):
-        """What friction does in each state (:class:`.friction.Rubbed`), None from where on it is not known."""
+        """What friction does in each state (:class:`.friction.Rubbed`), None where it is not known."""
         s, memory = self.states, self.friction.begun(self.shapes[0])
-        known = s.dissipated[0] + s.sprung[0] <= ROUND_OFF * s.energy[0].sum() and self.test.rest is None
+        known = (
+            s.dissipated[0] + s.sprung[0] <= ROUND_OFF * s.energy[0].sum()
+            and self.test.rest is None
+        )
         yield self.friction.step(self.shapes[0], self.shapes[0], memory) if known else None
         for i in range(1, len(self.shapes)):
             known = known and s.increments[i] <= MOST_STEPS
@@ -122,7 +125,10 @@ class Loads:
             a, b, part = i - 1, i, n / count
             after = self.shapes[i]
             if n < count:
-                ways = ((1.0 - part) * x[a] + part * x[b] for x in (self.controls, s.lattice, s.curvature))
+                ways = (
+                    (1.0 - part) * x[a] + part * x[b]
+                    for x in (self.controls, s.lattice, s.curvature)
+                )
                 after = self.same.shape(*ways)
             found = self.friction.step(before, after, memory)
             before, memory, lost = after, found.memory, lost + found.lost
@@ -196,7 +202,10 @@ class Loads:
         s, whole = self.states, self.stored.sum(1)
         off = np.abs(s.energy - self.stored).max(1) / whole
         yield from above("energy is not that of the shape", off, SAME)
-        if not {"shear", "course bending", "wale bending"} & {*self.test.driven} and self.test.rest is None:
+        if (
+            not {"shear", "course bending", "wale bending"} & {*self.test.driven}
+            and self.test.rest is None
+        ):
             # At rest a fabric has the least energy near it, but for what the residual there does on
             # the way from it; further away it may have less only if that was lost on the way.  Bent or
             # sheared it may have less, as it would curl or skew if it was free to.
@@ -222,8 +231,10 @@ class Loads:
         if not self.given.rubs:
             return none, (0.0, np.zeros(4), 0.0)
         if self.rubbed[i] is None:
-            return none, [COULOMB * np.max(most, initial=0.0) if n == 0 else COULOMB * most
-                          for n, most in enumerate(self.friction.most(self.shapes[i]))]
+            return none, [
+                COULOMB * np.max(most, initial=0.0) if n == 0 else COULOMB * most
+                for n, most in enumerate(self.friction.most(self.shapes[i]))
+            ]
         left = self._unsure(i) * self.rubbed[i].force
         size = np.sqrt((self.states.lattice[i] ** 2).max())
         return self.rubbed[i].acting, (left, np.full(4, left / self.same.loops), left * size**2)
@@ -350,7 +361,9 @@ class Loads:
             ends = [i, i + 1]
             near = min(closest(self.same, self.shapes[k]) for k in ends)
             width = np.sqrt(2.0 * near * max(near - given.contact.core, 0.0))
-            contacts = max(FINE_CONTACTS * given.contacts, DENSE * given.loop_length / given.diameter)
+            contacts = max(
+                FINE_CONTACTS * given.contacts, DENSE * given.loop_length / given.diameter
+            )
             if 0.0 < width < np.inf:
                 contacts = max(contacts, min(MOST_FINE, NARROW * given.loop_length / width))
             fine = Energy(given, FINE_GAUSS, int(contacts), False, self.bent)

@@ -20,7 +20,9 @@ from knitsim.verification.judge.contact import SPREAD, cell_mean, cell_press, ce
 from knitsim.verification.judge.given import control_of, design, law_energy
 
 NEIGHBOURS = 1.6  # diameters of arc below which two places of one yarn do not touch
-ROUNDED_STRAIN = 4e-4  # half width over which the solver says that it rounds kinks of the tension law
+ROUNDED_STRAIN = (
+    4e-4  # half width over which the solver says that it rounds kinks of the tension law
+)
 REACH = 2  # wales and courses to the furthest images that can touch
 _STEP = 1e-30  # of complex derivatives: exact to round-off, whatever the unit
 
@@ -70,7 +72,9 @@ class Energy:
             line, lattice = given.held
             own = control_of(line[:-1:2], line[-1] - line[0])
             v, a = (
-                (matrix @ own + np.outer(turns, [lattice[0], lattice[1], 0.0]))[:, [bent, 1 - bent, 2]].T
+                (matrix @ own + np.outer(turns, [lattice[0], lattice[1], 0.0]))[
+                    :, [bent, 1 - bent, 2]
+                ].T
                 for matrix, turns in (design(given.points, u, order) for order in (1, 2))
             )
             # Tangent and rest curvature, in the frame in which the fabric bends.
@@ -83,7 +87,8 @@ class Energy:
         # Steps to the next contact points, and second differences.
         part = given.points / contacts
         self.frames = [
-            tuple(part**order * x for x in design(n, u, order)) for order in ((1, 2) if stated else ())
+            tuple(part**order * x for x in design(n, u, order))
+            for order in ((1, 2) if stated else ())
         ]
 
     # ------------------------------------------------------------ shapes
@@ -348,9 +353,7 @@ class Energy:
         """
         on_control, on_cell, by_curvature = derivatives
         couple = self.given.bending_hysteresis * self.weight
-        for (matrix, turns), axis, slope in self._by_local(
-            shape, lambda x: self.turn_of(shape, x)
-        ):
+        for (matrix, turns), axis, slope in self._by_local(shape, lambda x: self.turn_of(shape, x)):
             on_control[..., axis] += (couple * weigh(slope)) @ size(matrix)
             if axis < 2:
                 on_cell[0, axis] += ((couple * weigh(slope)) @ size(turns)).sum()
