@@ -57,7 +57,7 @@ def run(given, more):
     except OSError as error:
         why = "no space left on the disk" if full_disk(error) else error.strerror
         raise InputError(results, None, f"cannot be written: {why}") from None
-    if status == 0 or (results / show.TABLE).exists():
+    if (results / show.TABLE).exists():
         show.show_results(results)
     if status:
         print(f"knitsim: not finished; what is done is kept. The log: {log}", file=sys.stderr)

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from knitsim.files import replacing
 
-
 UP = "@up"  # a directory for each .. that the paths begin with
 
 
