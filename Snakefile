@@ -11,7 +11,7 @@
     snakemake -c2 excel                    the tables again, for Excel with decimal commas
     snakemake -c2 --config study=DIR       with the yarns, fabrics and scenes of another directory
 
-Pages and tables are left where they are asked for: results/index.html, results/tables/summary.csv.
+A run ends with the table of results/tables/summary.csv; results/index.html is the page to look at.
 """
 
 include: "workflow/rules/common.smk"

@@ -88,6 +88,9 @@ def test_a_name_with_a_newline_is_refused_in_one_line(tmp_path):
 # Edits while it runs
 
 
+DIGEST = "00" * 8
+
+
 def test_what_was_checked_is_what_is_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "curve.csv").write_text("strain,force_N\n0,0\n0.01,0.3\n0.02,0.6\n0.05,1.8\n")
@@ -99,10 +102,11 @@ def test_what_was_checked_is_what_is_run(tmp_path, monkeypatch):
     os.rename("../curve.csv", "../deep/curve.csv")
     study = load_study("../deep/s")
     contents = {file: file.read_bytes() for file in study.files}
-    folder = kept.folder_of(study, "results/study", "abc")
-    Path("results/study/of an earlier run").mkdir(parents=True)
-    kept.keep(contents, folder, "results/study", "abc")
-    assert [path.name for path in Path("results/study").iterdir()] == ["abc"]
+    folder = kept.folder_of(study, "results/study", DIGEST)
+    Path("results/study/0123456789abcdef").mkdir(parents=True)  # of an earlier run
+    Path("results/study/mine").mkdir()
+    kept.keep(contents, folder, "results/study", DIGEST)
+    assert sorted(path.name for path in Path("results/study").iterdir()) == [DIGEST, "mine"]
     assert kept.running("results/study") == folder and kept.running("nowhere") is None
     file = Path("../deep/s/fabrics.yaml")
     file.write_text(file.read_text().replace("3.3", "3.5"))

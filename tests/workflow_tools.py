@@ -69,7 +69,7 @@ class Project:
         """What a run says, on both channels."""
         done = subprocess.run(
             self.command(*arguments, **options), cwd=self.folder, env=self.environment(),
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=500,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=1800,
         )  # fmt: skip
         assert (done.returncode == 0) is succeeds, done.stdout
         return done.stdout
@@ -136,7 +136,7 @@ def once(factory, name, build):
     try:
         folder.mkdir()
     except FileExistsError:
-        deadline = time.monotonic() + 600
+        deadline = time.monotonic() + 1800
         while not done.exists():
             assert not failed.exists(), f"{name} failed in another process of this test run"
             assert time.monotonic() < deadline, f"{name} takes too long"

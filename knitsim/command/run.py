@@ -40,8 +40,11 @@ def run(given, more):
     command = [
         sys.executable, "-m", "snakemake", "--snakefile", str(root() / "Snakefile"),
         "--directory", str(target), "--cores", cores, "--keep-going", *more,
-        "--config", "study=.", f"results={given.results}",
     ]  # fmt: skip
+    ours = ["study=.", f"results={given.results}"]
+    # A second --config would take the place of the first.
+    at = command.index("--config") + 1 if "--config" in command else len(command)
+    command[at:at] = ours if "--config" in command else ["--config", *ours]
     results = target / given.results
     if {"-n", "--dry-run", "--dryrun", "--unlock", "--lint", "-h", "--help"} & set(more):
         return subprocess.run(command, check=False).returncode
@@ -54,7 +57,7 @@ def run(given, more):
     except OSError as error:
         why = "no space left on the disk" if full_disk(error) else error.strerror
         raise InputError(results, None, f"cannot be written: {why}") from None
-    if status == 0 or (results / show.TABLE).exists():
+    if (results / show.TABLE).exists():
         show.show_results(results)
     if status:
         print(f"knitsim: not finished; what is done is kept. The log: {log}", file=sys.stderr)

@@ -3,6 +3,7 @@ meanwhile.
 """
 
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -23,9 +24,14 @@ def stamps(study):
     return [(one.st_mtime_ns, one.st_size, one.st_ino) for one in found]
 
 
+def _kept(root):
+    """What was kept there; anything else in the directory is not ours."""
+    return [one for one in sorted(root.glob("*")) if re.fullmatch("[0-9a-f]{16}", one.name)]
+
+
 def running(root):
     """That directory of the run that is under way, or None."""
-    for folder in Path(root).absolute().glob("*"):
+    for folder in _kept(Path(root).absolute()):
         while (folder / UP).is_dir():
             folder = folder / UP
         return folder
@@ -39,7 +45,7 @@ def _relative(file):
 def keep(contents, folder, root, digest):
     """Write ``contents`` {path: bytes} to be found from ``folder``; what ``root`` kept before goes."""
     root = Path(root)
-    for old in root.iterdir() if root.is_dir() else ():
+    for old in _kept(root):
         if old.name != digest:
             shutil.rmtree(old, ignore_errors=True)
     folder.mkdir(parents=True, exist_ok=True)
