@@ -51,6 +51,7 @@ _GROWTH, _LEAST_GROWTH = 1.25, 1.002  # of the diameter in one step; below which
 _CLEAR = 0.9  # of the gap between two cores, a core grows by this part in one step
 _LEAST_APART = 0.25  # diameters: closer, yarns at rest have run into each other
 RELAX_ITERATIONS, RELAX_TRUST = 1000, 6
+GROWTH_ITERATIONS = 200  # on the way to the own diameter: after more a smaller step is the shorter way
 DENSER, REFINEMENTS = 1.25, 12  # contact points: more than just enough, tries
 MOST_CONTACTS = 4096  # a loop
 # Search for states with less symmetry: loops in a cell at most, tries, disturbance (diameters), how much
@@ -419,7 +420,6 @@ def _grow(model, y, free):
     Returns status, iterations and the largest diameter (m) with an equilibrium.
     """
     own = model.fabric.diameter
-    control = model.control._replace(limit=RELAX_ITERATIONS)
     # Part of the diameter that must stay clear: a core, which scales with the diameter.
     core = model.fabric.contact.core(own) / own
     nearest = _nearest(model, y)
@@ -427,6 +427,8 @@ def _grow(model, y, free):
     total, reached, growth, good, status = 0, 0.0, _GROWTH, y.copy(), CONVERGED
     while True:
         grown = model if diameter == own else with_diameter(model, diameter)
+        limit = RELAX_ITERATIONS if diameter == own else GROWTH_ITERATIONS
+        control = model.control._replace(limit=limit)
         status, used, *_ = minimise(model, grown.scene, y, model.free(*free), control)
         total += used
         if status == CONVERGED and model.fabric.pattern.uniform and not is_plain(model, y):
@@ -440,9 +442,10 @@ def _grow(model, y, free):
                 return (CONVERGED if is_intact(model, y) else CROSSINGS_LOST), total, reached
         else:
             y[:] = good
-            growth = np.sqrt(growth)
             if reached == 0.0:
                 return status, total, reached
+            # Half way to what failed, at most.
+            growth = np.sqrt(min(growth, diameter / reached))
         diameter = growth * reached
         if core:
             # The new core stays clear of what is there.
