@@ -51,7 +51,9 @@ _GROWTH, _LEAST_GROWTH = 1.25, 1.002  # of the diameter in one step; below which
 _CLEAR = 0.9  # of the gap between two cores, a core grows by this part in one step
 _LEAST_APART = 0.25  # diameters: closer, yarns at rest have run into each other
 RELAX_ITERATIONS, RELAX_TRUST = 1000, 6
-GROWTH_ITERATIONS = 200  # on the way to the own diameter: after more a smaller step is the shorter way
+GROWTH_ITERATIONS = (
+    200  # on the way to the own diameter: after more a smaller step is the shorter way
+)
 DENSER, REFINEMENTS = 1.25, 12  # contact points: more than just enough, tries
 MOST_CONTACTS = 4096  # a loop
 # Search for states with less symmetry: loops in a cell at most, tries, disturbance (diameters), how much
