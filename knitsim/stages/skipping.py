@@ -51,7 +51,9 @@ def run(fabrics):
         skips, resolution = skips_of(fabric.scene), settings_of(fabric).resolution
         drawn = not (fabric.scene.needs_loop and not_drawn(fabric))
         for what in dict.fromkeys(skip.what for skip in skips):
-            if (what in OF_LOOP and not drawn) or (what == "identical sections" and not_drawn(fabric.yarn)):
+            if (what in OF_LOOP and not drawn) or (
+                what == "identical sections" and not_drawn(fabric.yarn)
+            ):
                 continue
             own = [skip for skip in skips if skip.what == what]
             rows.append(_row(fabric.scene.name, own, MEASURES[what](fabric, resolution)))
@@ -60,12 +62,20 @@ def run(fabrics):
 
 def _left_out(fabric):
     """A row about the kinematic tests of a FabricInput whose loop cannot be drawn."""
-    tests = [name for name in ("kinematic_tension", "kinematic_bending") if fabric.scene[name] is not None]
+    tests = [
+        name
+        for name in ("kinematic_tension", "kinematic_bending")
+        if fabric.scene[name] is not None
+    ]
     why = not_drawn(fabric) if tests else ""
     if not why:
         return []
     row = dict.fromkeys((*COLUMNS, *TIMES), "")
-    told = {"skipped": f"kinematic tests of {fabric.name}", "because": why, "tests": "; ".join(tests)}
+    told = {
+        "skipped": f"kinematic tests of {fabric.name}",
+        "because": why,
+        "tests": "; ".join(tests),
+    }
     return [row | {"scene": fabric.scene.name} | told]
 
 
