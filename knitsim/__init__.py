@@ -13,7 +13,7 @@ What is made
     relax                      the fabric at rest
     pull, biaxial, shear, bend its tests, as the Kawabata instruments do them
     kes                        EMT, LT, WT, RT, B, 2HB, G, 2HG of a test, computed or measured
-    sweep                      many fabrics, in processes: one dataset; Pull, Bend, Shear, Biaxial say which tests
+    sweep                      many fabrics, in processes: one dataset; Pull, Bend, Shear, Biaxial say how
     read_measured              a measured curve, from the file that a machine or Excel wrote
     calibrate, predict         inputs found from measured curves; other tests predicted, with a band
     load_study                 the yarns and fabrics of a directory of YAML files

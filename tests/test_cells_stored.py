@@ -42,8 +42,8 @@ def pulled(cotton_law):
 @pytest.fixture(scope="module")
 def file(pulled, tmp_path_factory):
     """A result of 2 by 2 loops, each lifted by a tenth of a diameter more than the one before."""
-    relaxed, curve = pulled
-    dataset = stack_variants({"free": pull_dataset(curve, relaxed)})
+    _, curve = pulled
+    dataset = stack_variants({"free": pull_dataset(curve)})
     lift = 0.1 * COTTON["diameter"] * np.arange(4)
     dataset["centreline"] = dataset.centreline + lift[:, None, None] * (np.arange(3) == 2)
     dataset["diameter"] = COTTON["diameter"]

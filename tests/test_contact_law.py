@@ -126,7 +126,7 @@ def test_an_energy_that_jumps_is_refused():
             return 1.0 + 0.0 * distance
 
     with pytest.raises(InputError, match="smooth function"):
-        Jumping().array(D)
+        Jumping().soft(D)
 
 
 def test_a_fabric_is_solved_with_it(power_law):

@@ -102,22 +102,19 @@ def test_work_is_stored_where_contact_points_make_the_force_waver():
     assert rises.max() > 1.1 * rises.min()
 
 
-def test_energy_that_a_snap_sets_free_is_lost():
-    """A limp open fabric, frictionless, that has less energy pulled than at rest: it jumped."""
+def test_a_limp_open_fabric_does_not_jump_from_contact_point_to_contact_point():
+    """Frictionless, with contacts as narrow as their points are far apart: all work is stored."""
     relaxed = relaxed_of(*LIMP)
     strains = 0.12079268 * np.arange(1, 41) / 40.0
     curve, fine = (tensile(relaxed, "wale", strains, increment=step) for step in (0.1, 0.001))
     for one in (curve, fine):
         stored = one.energy.sum(1) - relaxed.energy.sum()
-        assert stored[-1] < 0.0 < one.force_per_loop.min()
-        assert one.work == pytest.approx(stored + one.dissipated, abs=1e-9 * relaxed.energy.sum())
-        jumps = np.diff(one.dissipated, prepend=0.0)
-        assert (jumps >= 0.0).all() and (jumps > 0.0).sum() == 1
-        # Pulled all the way by a positive force: the work is that of the force.
+        assert (one.dissipated == 0.0).all()
+        assert one.work == pytest.approx(stored, abs=1e-9 * relaxed.energy.sum())
         spacing = np.concatenate([[relaxed.course_spacing], one.course_spacing])
         work = integral(spacing, np.concatenate([[0.0], one.force_per_loop]))[-1]
-        assert one.work[-1] == pytest.approx(work, rel=0.05)
-    assert fine.dissipated[-1] == pytest.approx(curve.dissipated[-1], rel=0.05)
+        assert one.work[-1] == pytest.approx(work, rel=0.01)
+    assert fine.force_per_loop == pytest.approx(curve.force_per_loop, rel=1e-6)
 
 
 def test_a_smooth_path_sets_nothing_free():
@@ -147,6 +144,6 @@ def test_where_the_fine_solution_failed_the_error_is_not_known():
     whole, half = (tensile(relaxed, "course", 0.1 * np.arange(1, n + 1)) for n in (6, 3))
     off = accuracy._off(whole, half, whole)
     assert np.abs(off[:3]).max() < 1e-9 and np.isnan(off[3:]).all()
-    # The largest of two states on either side stands for a state.
+    # The largest of four states on either side stands for a state.
     values = np.array([1.0, 2.0, 1.0, 0.5, 0.1, np.nan, 3.0])
-    np.testing.assert_array_equal(accuracy._neighbourhood(values), [2, 2, 2, 2, 3, np.nan, 3])
+    np.testing.assert_array_equal(accuracy._neighbourhood(values), [2, 2, 3, 3, 3, np.nan, 3])

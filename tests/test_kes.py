@@ -368,6 +368,18 @@ def test_mirrored_fabric_changes_sides():
     assert mirrored["M0"].value == pytest.approx(-found["M0"].value, rel=1e-12)
 
 
+def test_rounding_noise_is_no_hysteresis():
+    """A bent fabric without friction, its moments as exact as the solver leaves them."""
+    kappa, way = cycle_of(250.0)
+    noise = 1e-9 * np.random.default_rng(1).standard_normal(kappa.size)
+    found = kes.bending(kappa, CURL + B * kappa + CURL * noise)
+    for name in ("2HB", "2HB_face", "2HB_back"):
+        assert found[name].value == 0.0 < found[name].error < 1e-6 * abs(CURL)
+    small = 1e-6 * abs(CURL)
+    found = kes.bending(kappa, CURL + B * kappa + 0.5 * small * way)
+    assert found["2HB"].value == pytest.approx(small, rel=1e-6)
+
+
 def test_single_pass_has_a_slope_and_no_hysteresis():
     kappa = np.linspace(-250, 250, 41)
     for order in (1, -1):

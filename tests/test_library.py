@@ -104,16 +104,34 @@ def test_a_fabric_made_here_is_one_of_a_study(tmp_path):
 
 
 BAD = (
-    (lambda f: ks.Yarn(count_tex=20, friction=2), "yarn.friction = 2: must be at least 0 and at most 1"),
-    (lambda f: ks.Yarn(count_tex=20, frictoin=2), "yarn.frictoin: is no key; the nearest is friction"),
+    (
+        lambda f: ks.Yarn(count_tex=20, friction=2),
+        "yarn.friction = 2: must be at least 0 and at most 1",
+    ),
+    (
+        lambda f: ks.Yarn(count_tex=20, frictoin=2),
+        "yarn.frictoin: is no key; the nearest is friction",
+    ),
     (lambda f: ks.Yarn(friction=0.2), "yarn.count_dtex: is missing; give count_dtex or count_tex"),
     (lambda f: ks.Yarn(count_tex=20, scene="x"), "yarn.scene: is a key of a study"),
-    (lambda f: ks.Fabric("cotton", loop_length_mm=3), "fabric.yarn = 'cotton': must be a knitsim.Yarn"),
-    (lambda f: ks.Fabric(f.yarn, loop_length_mm=[3, 4]), "loop_length_mm = [3, 4]: must be one value"),
+    (
+        lambda f: ks.Fabric("cotton", loop_length_mm=3),
+        "fabric.yarn = 'cotton': must be a knitsim.Yarn",
+    ),
+    (
+        lambda f: ks.Fabric(f.yarn, loop_length_mm=[3, 4]),
+        "loop_length_mm = [3, 4]: must be one value",
+    ),
     (lambda f: ks.pull(f, "bias"), "pull.direction = 'bias': must be course or wale"),
-    (lambda f: ks.pull(f, "course", to_strain=9), "pull.to_strain = 9: must be above 0 and at most 5"),
+    (
+        lambda f: ks.pull(f, "course", to_strain=9),
+        "pull.to_strain = 9: must be above 0 and at most 5",
+    ),
     (lambda f: ks.pull(f, "course", cycles=2), "pull.cycles = 2: needs recovery=True"),
-    (lambda f: ks.pull(f, "course", lateral="loose"), "pull.lateral = 'loose': must be free or held or"),
+    (
+        lambda f: ks.pull(f, "course", lateral="loose"),
+        "pull.lateral = 'loose': must be free or held or",
+    ),
     (lambda f: ks.bend(f, "course", to_per_cm=99), "bend.to_per_cm = 99: must be at most"),
     (lambda f: ks.shear(f, to_deg=60), "shear.to_deg = 60: must be above 0 and at most 45"),
     (lambda f: ks.biaxial(f, -2, 0.1), "biaxial.course = -2: must be a strain"),
@@ -155,22 +173,40 @@ def test_the_numbers_are_those_of_the_stages(fabric):
     staged, _ = equilibrium_tension.run(asked, laws, "course")
     own = ks.pull(fabric, "course", to_strain=0.2, recovery=True, states=6).to_dataset()
     staged = with_attributes(staged).isel(variant=0)
-    for name in ("strain", "force_per_width", "work", "dissipated", "numerical_error", "wale_spacing"):
+    for name in (
+        "strain",
+        "force_per_width",
+        "work",
+        "dissipated",
+        "numerical_error",
+        "wale_spacing",
+    ):
         np.testing.assert_array_equal(staged[name].values, own[name].values)
         assert staged[name].attrs == own[name].attrs
     assert set(own.variables) <= set(staged.variables) | {"variant"}
     for name in ("kind", "model", "direction", "fabric", "references", "summary", "schema_version"):
         assert staged.attrs[name] == own.attrs[name]
-    bent = fabric.with_tests(equilibrium_bending={"friction": True, "states": 4, "variants": {"bend": {}}})
+    bent = fabric.with_tests(
+        equilibrium_bending={"friction": True, "states": 4, "variants": {"bend": {}}}
+    )
     staged, _ = equilibrium_bending.run(bent, laws, "wale")
     own = ks.bend(fabric, "wale", states=4).to_dataset()
-    np.testing.assert_array_equal(staged["moment_per_width"].values[0], own["moment_per_width"].values)
+    np.testing.assert_array_equal(
+        staged["moment_per_width"].values[0], own["moment_per_width"].values
+    )
 
 
 def test_rest_is_that_of_the_stage(fabric, rest):
     staged, _ = equilibrium_rest.run(fabric, laws_of(fabric.yarn, None))
     own = rest.to_dataset()
-    for name in ("wale_spacing", "course_spacing", "kc", "kw", "spacing_error", "stated_wale_spacing"):
+    for name in (
+        "wale_spacing",
+        "course_spacing",
+        "kc",
+        "kw",
+        "spacing_error",
+        "stated_wale_spacing",
+    ):
         assert float(staged[name]) == float(own[name])
     assert own.attrs["title"] == staged.attrs["title"]
 
@@ -207,7 +243,12 @@ def test_tables_and_one_line(results, capsys):
         assert len(frame) == (1 if one is results["rest"] else one.curve.steps)
         assert frame.select_dtypes("number").notna().all().all() or one is results["biaxial"]
         assert "\n" not in repr(one) and len(repr(one)) < 200
-    for public in (*results.values(), ks.kes(results["pull"]), ks.kes(results["bend"]), ks.Pull("wale")):
+    for public in (
+        *results.values(),
+        ks.kes(results["pull"]),
+        ks.kes(results["bend"]),
+        ks.Pull("wale"),
+    ):
         print(public)
         assert len(capsys.readouterr().out.splitlines()) <= 10
 
@@ -253,7 +294,9 @@ def test_a_contact_law_of_ones_own():
     try:
         yarn = ks.Yarn(count_tex=20, stiffer_law={"compression_stiffness_N_per_m": 1000})
         own = ks.relax(ks.Fabric(yarn, loop_length_mm=2.9), points=48)
-        with pytest.raises(InputError, match="stiffer_law.compression_stiffness_N_per_m = -1: must be above 0"):
+        with pytest.raises(
+            InputError, match=r"stiffer_law\.compression_stiffness_N_per_m = -1: must be above 0"
+        ):
             ks.Yarn(count_tex=20, stiffer_law={"compression_stiffness_N_per_m": -1})
     finally:
         del LAWS["stiffer_law"]
@@ -275,14 +318,18 @@ def test_a_study_read_is_tested_as_its_scene_says():
 
 
 def test_calibration_finds_what_made_the_curve(tmp_path):
-    fabric = ks.Fabric(ks.Yarn(count_tex=20, bending_rigidity_N_mm2=2e-3, friction=0.0), loop_length_mm=2.9)
+    fabric = ks.Fabric(
+        ks.Yarn(count_tex=20, bending_rigidity_N_mm2=2e-3, friction=0.0), loop_length_mm=2.9
+    )
     made = ks.pull(fabric.with_value("yarn.bending_rigidity_N_mm2", 2.7e-3), "course", to_strain=0.4,
                    states=12)  # fmt: skip
     path = tmp_path / "course.csv"
     rows = [f"{e},{f / 1000}" for e, f in zip(made.strain, made.force_per_width, strict=True)]
     path.write_text("\n".join(["strain,force_N_per_mm", *rows]))
     curve = ks.read_measured(path, direction="course")
-    found = ks.calibrate(fabric, [curve], bounds={"bending_rigidity_N_mm2": [1e-3, 5e-3]}, profile=False)
+    found = ks.calibrate(
+        fabric, [curve], bounds={"bending_rigidity_N_mm2": [1e-3, 5e-3]}, profile=False
+    )
     assert found.to_dataframe()["value"][0] == pytest.approx(2.7e-3, rel=2e-3)
     predicted = ks.predict(found, "wale", to_N_per_mm=0.02, states=4)
     truth = ks.pull(made.rest, "wale", to_strain=0.2, states=40)
@@ -300,7 +347,7 @@ def test_calibration_finds_what_made_the_curve(tmp_path):
 @pytest.mark.slow
 def test_types_are_checked():
     pytest.importorskip("mypy")
-    done = subprocess.run([sys.executable, "-m", "mypy"], cwd=CONFIG.parent, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy"], cwd=CONFIG.parent, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stdout
-
-

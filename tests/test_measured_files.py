@@ -594,7 +594,6 @@ ASKED = {
         r"csv:4: the curve has 3 points",
     ),
     "an old workbook": (b"\xd0\xcf\x11\xe0rest", {}, r"an old Excel file: must be saved as .xlsx"),
-    "no workbook": (b"PK\x03\x04rest", {}, r"a workbook: cannot be read as .xlsx"),
     "a zero byte": (PLAIN.replace("30.0000", "30.0\x00000"), {}, r"csv:10 = a zero byte"),
     "a fabric or a yarn": (
         table("strain,force_N", E / 100, N), {"direction": ""},
@@ -627,6 +626,13 @@ def test_what_a_file_leaves_open_is_asked_in_one_line(write, question):
     text, keywords, message = ASKED[question]
     with pytest.raises(InputError, match=message) as refused:
         read_measured(write(text), **({"direction": "wale"} | keywords))
+    assert "\n" not in str(refused.value)
+
+
+def test_a_file_that_begins_like_a_workbook_and_is_none_is_refused(write):
+    pytest.importorskip("openpyxl")
+    with pytest.raises(InputError, match=r"a workbook: cannot be read as .xlsx") as refused:
+        read_measured(write(b"PK\x03\x04rest"), direction="wale")
     assert "\n" not in str(refused.value)
 
 

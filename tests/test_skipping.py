@@ -8,9 +8,9 @@ from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
 from knitsim.equilibrium.whole_test import there_and_back
 from knitsim.stages import skipping
-from knitsim.stages.equilibrium import resolution_of, solver_fabric
+from knitsim.stages.equilibrium import settings_of, solver_fabric
 from knitsim.stages.laws import ledger_laws
-from knitsim.stages.needs import SKIPS, cell_of, skips_of, solves_recovery, stores_fibres
+from knitsim.stages.needs import SKIPS, skips_of, solves_recovery, stores_fibres
 from knitsim.study.study import load_study
 
 
@@ -21,7 +21,7 @@ def cotton():
 
 @pytest.mark.parametrize("what", SKIPS)
 def test_a_skip_changes_no_more_than_its_tolerance(cotton, what):
-    measured = skipping.MEASURES[what](cotton, resolution_of(cotton))
+    measured = skipping.MEASURES[what](cotton, settings_of(cotton).resolution)
     assert measured.within, measured
     assert 0.0 < measured.tolerance <= (5e-3 if what == "full cell" else 5e-6)
     assert measured.what == what
@@ -52,8 +52,6 @@ def test_the_table_names_every_skip_of_the_scene(cotton, monkeypatch):
 
 def test_needs(cotton):
     scene = cotton.scene
-    assert cell_of(scene, "equilibrium_tension") == "quarter"
-    assert cell_of(scene, "equilibrium_shear") == "full"
     assert stores_fibres(["centreline", "fibres"]) and not stores_fibres(["centreline"])
     assert solves_recovery({"recovery": True, "friction": True})
     assert not solves_recovery({"recovery": True, "friction": False})
@@ -61,7 +59,9 @@ def test_needs(cotton):
     assert ("equilibrium_tension", "frictionless", "friction at zero coefficient") in named
     assert ("equilibrium_tension", "friction", "friction at zero coefficient") not in named
     assert ("equilibrium_tension", "", "full cell") in named
-    assert ("equilibrium_shear", "", "full cell") not in named
+    assert ("equilibrium_shear", "", "full cell") in named
+    whole = cotton.with_value("scene.equilibrium_rest.cell", "full").scene
+    assert "full cell" not in {skip.what for skip in skips_of(whole)}
 
 
 def test_way_back_without_friction_is_the_way_there(cotton):
@@ -69,7 +69,7 @@ def test_way_back_without_friction_is_the_way_there(cotton):
     relaxed = relax(solver_fabric(cotton, ledger_laws(cotton.yarn)["continuous"]))
     strains = [0.1, 0.2, 0.3]
     solved = tensile(relaxed, "course", strains, recovery=True, cycles=2)
-    read = there_and_back(tensile(relaxed, "course", strains), relaxed, 2)
+    read = there_and_back(tensile(relaxed, "course", strains), 2)
     assert read.steps == solved.steps == 12
     for name in ("phase", "cycle", "status"):
         assert np.array_equal(getattr(read, name), getattr(solved, name))
@@ -81,7 +81,7 @@ def test_way_back_without_friction_is_the_way_there(cotton):
     assert read.energy.sum(1) == pytest.approx(whole, rel=1e-6)
     assert read.y == pytest.approx(solved.y, abs=1e-4 * cotton.yarn["diameter"])
     stopped = read.replaced(stop_reason="here")
-    assert there_and_back(stopped, relaxed) is stopped
+    assert there_and_back(stopped) is stopped
 
 
 def test_measured_difference():

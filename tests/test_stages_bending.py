@@ -9,17 +9,19 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from conftest import COTTON
 from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicSpline
 
-from knitsim.equilibrium.bend import bent_strain
+from knitsim.equilibrium.bend import bend
+from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
 from knitsim.kes import rigidity as short
 from knitsim.kes.curl import rolls_to
-from knitsim.loop.repeat import rolled
 from knitsim.stages import equilibrium_bending as bending
 from knitsim.stages import kes, vtk_states, yarn_to_fabric
-from knitsim.stages.equilibrium import resolution_of, settings_of, solver_fabric
+from knitsim.stages.equilibrium import settings_of, solver_fabric
 from knitsim.stages.kes_table import curl_table, kes_table
 from knitsim.stages.laws import laws_of
 from knitsim.store.results import labels_of
@@ -74,22 +76,22 @@ def test_curvatures_go_to_both_sides_and_end_flat():
     assert (found[[0, 6, 12, 18, 24]] == 0).all()
 
 
-@pytest.mark.parametrize("axis", [0, 1])
-def test_yarn_strain_is_that_of_the_bent_positions(axis):
-    def line(u):
-        wave = np.stack([0.3 * np.sin(4 * np.pi * u), np.cos(2 * np.pi * u),
-                         0.2 * np.cos(4 * np.pi * u + 0.3)], axis=1)  # fmt: skip
-        return 1e-3 * (wave + u[:, None] * [1.5, 0.0, 0.0])
+@pytest.mark.parametrize("direction", ["course", "wale"])
+def test_yarn_strain_is_that_of_the_bent_positions(cotton_law, direction):
+    """Against the length of the loop in space, as drawn straight between its points."""
+    relaxed = relax(Fabric(**COTTON, bending_rigidity=5e-9, law=cotton_law), Resolution(32))
+    curve = bend(relaxed, direction, [100.0, -250.0])
 
-    flat, kappa, length = line(np.linspace(0, 1, 97)), 250.0, 6e-3
-    fine = line(np.linspace(0, 1, 200_001))
-    along = fine[:, axis].copy()
-    fine[:, axis] = 0.0
-    bent = rolled(fine, kappa, along, axis)
-    true = np.linalg.norm(np.diff(bent, axis=0), axis=1).sum()
-    strain = bent_strain(flat, kappa, axis, length)
-    assert strain.mean() == pytest.approx(true / length - 1, abs=2e-6)
-    assert abs(bent_strain(flat, 0.0, axis, length).mean() - strain.mean()) > 1e-4
+    def length(line):
+        return np.linalg.norm(np.diff(CubicSpline(along, line)(fine), axis=0), axis=1).sum()
+
+    along = np.linspace(0.0, 1.0, curve.centreline.shape[1])
+    fine = np.linspace(0.0, 1.0, 20_001)
+    for k in range(curve.steps):
+        strain = length(curve.centrelines_bent(k)[0]) / COTTON["loop_length"] - 1.0
+        assert curve.yarn_strain[k] == pytest.approx(strain, abs=2e-5)
+        unbent = length(curve.centreline[k]) / COTTON["loop_length"] - 1.0
+        assert abs(unbent - strain) > 1e-4
 
 
 def test_stored_states_are_those_of_the_test(tested):
@@ -129,7 +131,7 @@ def test_stored_states_are_those_of_the_test(tested):
 def test_rigidity_of_the_ledger_is_the_one_that_kes_reads(tested):
     fabric, laws, dataset = tested
     [(_, found)] = kes.bending_of(dataset.sel(variant="free"))
-    relaxed = relax(solver_fabric(fabric, laws["continuous"]), resolution_of(fabric))
+    relaxed = relax(solver_fabric(fabric, laws["continuous"]), settings_of(fabric).resolution)
     rigidity, curl = short.rigidity_and_curl(relaxed, "wale")
     assert rigidity == pytest.approx(found["B"].value, rel=2e-3)
     assert curl == pytest.approx(found["M0"].value, rel=1e-6)
@@ -145,9 +147,9 @@ def test_too_tight_cylinders_are_refused_by_their_key(tmp_path, tested):
     tight = copy.copy(fabric)
     tight.scene = copy.deepcopy(fabric.scene)
     tight.scene["equilibrium_bending"]["variants"]["free"]["max_curvature"] = 1700.0
-    relaxed = relax(solver_fabric(fabric, laws["continuous"]), resolution_of(fabric))
+    relaxed = relax(solver_fabric(fabric, laws["continuous"]), settings_of(fabric).resolution)
     with pytest.raises(InputError, match=r"variants\.free\.max_curvature_per_cm = 17: .*too thick"):
-        bending.bent(tight, relaxed, "wale", "free", settings_of(fabric))
+        bending.bent(tight, relaxed, "wale", "free")
 
 
 def test_hysteresis_of_the_yarn_counts_where_there_is_friction(tested):
@@ -155,7 +157,9 @@ def test_hysteresis_of_the_yarn_counts_where_there_is_friction(tested):
     lagging = fabric.with_value("yarn.bending_hysteresis_mN_mm", 0.7)
     for friction, lag in ((True, 0.7e-6), (False, 0.0)):
         choice = {"friction": friction, "set": 0.2}
-        relaxed = bending._relaxed(lagging, laws["continuous"], choice, settings_of(lagging))
+        relaxed = bending._relaxed(
+            lagging, laws["continuous"], choice, settings_of(lagging).resolution
+        )
         built = relaxed.model.fabric
         assert built.bending_hysteresis == pytest.approx(lag)
         assert (built.friction > 0) == friction and built.set_fraction == 0.2
@@ -268,27 +272,28 @@ def test_affine_rigidity_is_that_of_straight_rods():
 
 def test_yarn_to_fabric_changes_one_thing_at_a_time(tmp_path):
     section = {
-        "points": 2, "set_compared": [0.0], "diameter_low": 0.9, "diameter_high": 2.0,
-        "loop_length_low": 1.0, "loop_length_high": 1.1,
+        "points": 2, "set_compared": [0.0], "diameter_low": 0.9, "diameter_high": 1.0,
+        "loop_length_low": 0.15, "loop_length_high": 1.1,
     }  # fmt: skip
     fabric, laws = made(tmp_path, equilibrium_rest={"points": 32}, yarn_to_fabric=section)
     dataset, _ = yarn_to_fabric.run(fabric, laws)
     assert dataset.swept.values.tolist() == ["loop_length"] * 2 + ["diameter"] * 2 + ["set"] * 2
     d = fabric.yarn["diameter"]
     assert dataset.swept_loop_length.values == pytest.approx(
-        1e-3 * np.array([5.56, 6.116, 5.56, 5.56, 5.56, 5.56])
+        1e-3 * np.array([0.834, 6.116, 5.56, 5.56, 5.56, 5.56])
     )
-    assert dataset.swept_diameter.values == pytest.approx(d * np.array([1, 1, 0.9, 2, 1, 1]))
+    assert dataset.swept_diameter.values == pytest.approx(d * np.array([1, 1, 0.9, 1, 1, 1]))
     assert dataset.swept_set.values == pytest.approx([0, 0, 0, 0, 0, 0.95])
-    # The yarn of twice the diameter has no room; the rest is there.
+    # A loop of less than three diameters has no room for its yarn; the rest is there.
     rigidity = dataset.fabric_rigidity.values
-    assert np.isnan(rigidity[3]).all() and np.isfinite(np.delete(rigidity, 3, axis=0)).all()
-    assert "diameter" in dataset.attrs["not_reached"]
-    assert (rigidity[[0, 1, 2, 4, 5]] > 0).all()
+    assert np.isnan(rigidity[0]).all() and np.isfinite(rigidity[1:]).all()
+    assert dataset.attrs["not_reached"].startswith("loop_length 0.000834, set_fraction 0: diameter")
+    assert (rigidity[1:] > 0).all()
     # The stated fabric stands in two sweeps; a longer loop gives a softer fabric.
-    assert rigidity[0] == pytest.approx(rigidity[4], rel=1e-12)
-    assert (rigidity[1] < rigidity[0]).all()
-    assert dataset.curl_moment.values[0, 0] < 0 < dataset.curl_moment.values[0, 1]
+    assert rigidity[3] == pytest.approx(rigidity[4], rel=1e-12)
+    assert (rigidity[1] < rigidity[3]).all()
+    assert dataset.curl_moment.values[3, 0] < 0 < dataset.curl_moment.values[3, 1]
+    assert json.loads(dataset.attrs["settings"]) == {"accuracy": None, "points": 32}
     write(dataset, tmp_path / "yarn_to_fabric.nc")
 
 

@@ -15,7 +15,7 @@ from knitsim.equilibrium.relax import relax
 from knitsim.measured.read import measured_test
 from knitsim.stages import calibration as stage
 from knitsim.stages import sensitivity
-from knitsim.stages.equilibrium import resolution_of, solver_fabric
+from knitsim.stages.equilibrium import settings_of, solver_fabric
 from knitsim.stages.laws import ledger_laws
 from knitsim.store.writer import write
 from knitsim.study.measured_checks import config_of, names_of
@@ -66,7 +66,7 @@ def fabric(tmp_path_factory):
     law = ledger_laws(plain.yarn)["continuous"]
     rigidity = plain.yarn["bending_rigidity"]
     true = plain.with_value("yarn.bending_rigidity_N_mm2", TRUTH * rigidity * 1e6)
-    rest = relax(solver_fabric(true, law), resolution_of(plain))
+    rest = relax(solver_fabric(true, law), settings_of(plain).resolution)
     lines = ["strain,force_per_width_N_per_m", "0,0"]
     strains = np.linspace(0.02, 2.0, 100)
     curve = tensile(rest, "wale", strains, to_force=TOP)
@@ -129,7 +129,7 @@ def test_a_calibration_finds_the_yarn_and_predicts_the_other_direction(fabric, t
     assert str(dataset.curve_role.values[0]) == "fitted"
     assert json.loads(dataset.attrs["configuration"])["name"] == "small"
     # The other direction, solved with the true yarn.
-    rest = relax(solver_fabric(true, law), resolution_of(small))
+    rest = relax(solver_fabric(true, law), settings_of(small).resolution)
     curve = tensile(rest, "course", np.linspace(0.02, 4.0, 200), to_force=TOP)
     one = dataset.sel(direction="course")
     strain = np.interp(one.predicted_force_per_width, np.append(0, curve.force_per_width),

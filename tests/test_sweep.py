@@ -19,20 +19,30 @@ def fabric():
     return ks.Fabric(yarn, loop_length_mm=2.9).with_rest(points=48)
 
 
-TESTS = [ks.Pull("course", to_strain=0.1, recovery=True, states=4), ks.Bend("wale", states=3, friction=False)]
+TESTS = [
+    ks.Pull("course", to_strain=0.1, recovery=True, states=4),
+    ks.Bend("wale", states=3, friction=False),
+]
 
 
 @pytest.fixture(scope="module")
 def many(fabric):
     return ks.sweep(
-        fabric, tests=TESTS, loop_length_mm=[2.8, 0.5, 3.0], friction=[0.1, 0.3], processes=1, progress=False
+        fabric,
+        tests=TESTS,
+        loop_length_mm=[2.8, 0.5, 3.0],
+        friction=[0.1, 0.3],
+        processes=1,
+        progress=False,
     )
 
 
 def test_each_row_is_that_fabric_alone(fabric, many):
     assert many.sizes["fabric"] == 6 and many["friction"].dims == ("fabric",)
     at = {"loop_length_mm": 3.0, "yarn.friction": 0.3}
-    row = many.isel(fabric=int(np.flatnonzero((many.loop_length_mm == 3.0) & (many.friction == 0.3))[0]))
+    row = many.isel(
+        fabric=int(np.flatnonzero((many.loop_length_mm == 3.0) & (many.friction == 0.3))[0])
+    )
     rest = ks.relax(fabric.with_values(at))
     assert float(row["kc"]) == rest.kc and float(row["wale_spacing"]) == rest.wale_spacing
     pull, bent = (test.run(rest) for test in TESTS)
@@ -51,7 +61,9 @@ def test_each_row_is_that_fabric_alone(fabric, many):
 
 def test_a_fabric_that_fails_is_a_row_with_its_reason(many):
     short = many.loop_length_mm.values == 0.5
-    assert all("computed to work" in why or "must be" in why for why in many["reason"].values[short])
+    assert all(
+        "computed to work" in why or "must be" in why for why in many["reason"].values[short]
+    )
     assert (many["reason"].values[~short] == "").all()
     assert np.isnan(many["kc"].values[short]).all() and np.isfinite(many["kc"].values[~short]).all()
     assert many["loop_length_mm"].attrs["units"] == "mm" and many.attrs["kind"] == "sweep"
@@ -59,7 +71,12 @@ def test_a_fabric_that_fails_is_a_row_with_its_reason(many):
 
 def test_processes_give_the_same(fabric, many):
     again = ks.sweep(
-        fabric, tests=TESTS, loop_length_mm=[2.8, 0.5, 3.0], friction=[0.1, 0.3], processes=2, progress=False
+        fabric,
+        tests=TESTS,
+        loop_length_mm=[2.8, 0.5, 3.0],
+        friction=[0.1, 0.3],
+        processes=2,
+        progress=False,
     )
     xr.testing.assert_identical(again, many)
 
@@ -106,7 +123,9 @@ def test_a_sweep_that_was_stopped_goes_on(fabric, tmp_path, monkeypatch, capsys)
 
 def test_tables(tmp_path):
     path = tmp_path / "fabrics.csv"
-    path.write_text("\ufefffabric;count;loop_length_mm;wales_per_cm\nfine;40/1;2,6;15\ncoarse;2/28 Nm;4,1;\n")
+    path.write_text(
+        "\ufefffabric;count;loop_length_mm;wales_per_cm\nfine;40/1;2,6;15\ncoarse;2/28 Nm;4,1;\n"
+    )
     design = design_of({}, path, None, 0)
     assert design.names == ("fine", "coarse")
     assert design.changes[0] == {"yarn.count": "40/1", "loop_length_mm": 2.6, "wales_per_cm": 15}
@@ -120,8 +139,14 @@ def test_a_latin_hypercube_has_one_fabric_in_every_layer():
     for path, low, high in (("loop_length_mm", 2, 4), ("yarn.friction", 0.1, 0.3)):
         layer = [int((one[path] - low) / (high - low) * 50) for one in design.changes]
         assert sorted(layer) == list(range(50))
-    assert design.changes == design_of({"loop_length_mm": (2, 4), "friction": (0.1, 0.3)}, None, 50, 7).changes
-    assert design.changes != design_of({"loop_length_mm": (2, 4), "friction": (0.1, 0.3)}, None, 50, 8).changes
+    assert (
+        design.changes
+        == design_of({"loop_length_mm": (2, 4), "friction": (0.1, 0.3)}, None, 50, 7).changes
+    )
+    assert (
+        design.changes
+        != design_of({"loop_length_mm": (2, 4), "friction": (0.1, 0.3)}, None, 50, 8).changes
+    )
 
 
 @pytest.mark.parametrize(

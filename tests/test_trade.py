@@ -29,7 +29,9 @@ def test_counts(text, tex, filaments):
     yarn = ks.Yarn(count=text)
     assert yarn["linear_density"] == pytest.approx(1e-6 * tex, rel=1e-6)
     if filaments:
-        assert yarn["fibres"] == filaments and "fibres" not in [row.key for row in yarn.assumptions()]
+        assert yarn["fibres"] == filaments and "fibres" not in [
+            row.key for row in yarn.assumptions()
+        ]
 
 
 @pytest.mark.parametrize(
@@ -71,7 +73,10 @@ def test_loop_length_from_what_is_stated():
         ({"tightness_factor": 14, "loop_length_mm": 3}, "same quantity as loop_length_mm"),
         ({"tightness_factor": 14, "gsm": 140}, "same quantity as tightness_factor"),
         ({"gsm": 140, "wales_per_cm": 14}, "with both wales_per_cm and courses_per_cm"),
-        ({"wales_per_cm": 14, "courses_per_cm": 20}, "give loop_length_mm, or tightness_factor, or mass"),
+        (
+            {"wales_per_cm": 14, "courses_per_cm": 20},
+            "give loop_length_mm, or tightness_factor, or mass",
+        ),
     ):
         with pytest.raises(InputError, match=words):
             ks.Fabric(yarn, **keys)
@@ -94,7 +99,9 @@ def test_exchanged_wales_and_courses_are_asked_about():
     stated = {"wales_per_inch": 52, "courses_per_inch": 36, "loop_length_mm": 2.75}
     with pytest.raises(InputError, match="are they exchanged"):
         ks.Fabric(yarn, **stated)
-    assert ks.Fabric(yarn, **stated, density_checked=True)["wale_spacing"] == pytest.approx(0.0254 / 52)
+    assert ks.Fabric(yarn, **stated, density_checked=True)["wale_spacing"] == pytest.approx(
+        0.0254 / 52
+    )
 
 
 @pytest.mark.parametrize(
@@ -114,13 +121,21 @@ def test_the_default_diameter_holds_the_fibres(density, fibre):
 def test_a_monofilament_has_its_true_diameter():
     yarn = ks.Yarn(count_tex=35, fibres=1, density_g_per_cm3=1.12)
     true = math.sqrt(4 * 35e-6 / (math.pi * 1120))
-    assert yarn["diameter"] == pytest.approx(true) and "diameter_mm" not in [r.key for r in yarn.assumptions()]
+    assert yarn["diameter"] == pytest.approx(true) and "diameter_mm" not in [
+        r.key for r in yarn.assumptions()
+    ]
     # Solid: E pi d^4/64.
     assert yarn["bending_rigidity"] == pytest.approx(8e9 * math.pi * true**4 / 64)
-    assert ks.Yarn(count_tex=140, fibres=1, density_g_per_cm3=7.9, diameter_mm=0.15)["diameter"] == 0.15e-3
+    assert (
+        ks.Yarn(count_tex=140, fibres=1, density_g_per_cm3=7.9, diameter_mm=0.15)["diameter"]
+        == 0.15e-3
+    )
     with pytest.raises(InputError, match=r"diameter_mm = 0.1: must be at least 0.1995 mm"):
         ks.Yarn(count_tex=35, fibres=1, density_g_per_cm3=1.12, diameter_mm=0.1)
-    assert layout_of(ks.Yarn(count_tex=140, fibres=1, density_g_per_cm3=7.9, diameter_mm=0.15)).fibres == 1
+    assert (
+        layout_of(ks.Yarn(count_tex=140, fibres=1, density_g_per_cm3=7.9, diameter_mm=0.15)).fibres
+        == 1
+    )
 
 
 def test_fibres_have_no_ceiling_where_none_is_drawn():

@@ -128,8 +128,7 @@ def disturbed(relaxed):
     """
     model, start = relaxed.model, relaxed.y.copy()
     for axis, factor in ((0, 1.0 + DISTURBED), (1, 1.0 - DISTURBED)):
-        used = model.cell.slot[:, axis]
-        start[used[used >= 0]] *= factor
+        start[np.flatnonzero(model.cell.where[:, 2] == axis)] *= factor
         start[model.lattice + 3 * axis] *= factor
     return model, start
 

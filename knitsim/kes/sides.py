@@ -11,6 +11,7 @@ from knitsim.kes.result import LeftOut, shown
 
 BRANCHES = ("loading", "recovery", "mean")
 FORMS = ("chord", "fit")
+NOISE = 1e-7  # of the largest value: the solver's forces are exact to 1e-8 of it
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,8 @@ def _slope(one, low, high, form):
 def side_width(passes, side, at, kind):
     """(width of the loop, error) on one side; raises LeftOut.
 
-    at: the abscissa (above 0), or a range (low, high) over which the mean width is taken.
+    at: the abscissa (above 0), or a range (low, high) over which the mean width is taken.  A width below
+    NOISE of the largest value is none: it is what rounding and the solver's tolerance leave.
     """
     low, high = at if isinstance(at, tuple) else (at, at)
     low, high = sorted((side * low, side * high))
@@ -85,7 +87,9 @@ def side_width(passes, side, at, kind):
         value, error = one.value(low) if low == high else one.integral(low, high)
         found.append((value, error))
     scale = side if low == high else side / (high - low)
-    return scale * (found[0][0] - found[1][0]), abs(scale) * (found[0][1] + found[1][1])
+    width, error = scale * (found[0][0] - found[1][0]), abs(scale) * (found[0][1] + found[1][1])
+    noise = NOISE * max(float(abs(one.y).max()) for one in (passes[out], passes[back]))
+    return (width, error) if abs(width) > noise else (0.0, max(error, noise))
 
 
 def _find(passes, side, branch, low, high, kind, after=-1):

@@ -69,13 +69,12 @@ def start_up(repeats=3):
 
 def files(repeats=5):
     """CPU seconds to write one curve of 30 states with its centre lines as netCDF."""
-    relaxed = relax(COTTON)
-    curve = tensile(relaxed, "course", 0.05 * np.arange(1, 31))
+    curve = tensile(relax(COTTON), "course", 0.05 * np.arange(1, 31))
 
     with tempfile.TemporaryDirectory() as directory:
 
         def save():
-            dataset = pull_dataset(curve, relaxed)
+            dataset = pull_dataset(curve)
             describe(
                 dataset, STAGE, labels_of(STAGE, "cotton", "cotton", direction="course"),
                 title="A curve", summary="Written to time it.", references=("munden",),

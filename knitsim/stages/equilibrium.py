@@ -77,6 +77,11 @@ class Settings:
         """Arguments of a test that make it estimate its errors, or reach the accuracy."""
         return {"estimate_error": True} if self.accuracy is None else {"accuracy": self.accuracy}
 
+    @property
+    def fixed(self):
+        """As plain data, of results that are solved at the resolution alone, whatever the accuracy."""
+        return {"accuracy": None, "points": self.resolution.points}
+
     def told(self, solved):
         """As plain data: what was asked for, and what each of the solved states or curves took, by name."""
         return {"accuracy": self.accuracy} | {name: _taken(one) for name, one in solved.items()}

@@ -68,7 +68,7 @@ def run(fabric, laws):
         dataset, fabric, STAGE, title=f"Sensitivity of fabric {fabric.name} to its inputs",
         summary="Change of strain at a given force, B, 2HB and density at rest for one per cent of each"
         " input, by two-sided differences in the equilibrium model.",
-        references=("munden", "kawabata"), settings=settings.told({}),
+        references=("munden", "kawabata"), settings=settings.fixed,
     )  # fmt: skip
     return dataset, timings
 

@@ -1,7 +1,6 @@
 """The tables of the workflow, drawn from result files: run times, assumptions, corrections."""
 
 import csv
-import json
 from pathlib import Path
 
 import numpy as np
@@ -53,10 +52,6 @@ def _effects(files):
     found = {}
     for dataset in opened(files):
         name = dataset.attrs["fabric"] or dataset.attrs["yarn"]
-        chosen = json.loads(dataset.attrs.get("settings", "{}"))
-        if chosen.get("estimated_error") is not None:
-            key = name, "scene.equilibrium_rest.accuracy"
-            found[key] = [("chosen", 0.0, _settings(chosen))]
         if "quantity" not in dataset.coords:
             continue
         names = [_test_of(dataset) + str(q).replace("_", " ") for q in dataset["quantity"].values]
@@ -73,14 +68,6 @@ def _effects(files):
                     text = f"{quantity} {100 * effect:+.3g} %"
                     rows.append((value, effect, text if abs(effect) >= 5e-5 else ""))
     return found
-
-
-def _settings(chosen):
-    """The attribute ``settings`` of a result in words."""
-    return (
-        f"{chosen['points']} points, {chosen['contacts']} contact points, increments of"
-        f" {chosen['increment']:g} with friction, estimated error {chosen['estimated_error']:.2g}"
-    )
 
 
 def _effect_columns(row, found):

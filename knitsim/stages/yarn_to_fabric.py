@@ -85,6 +85,6 @@ def run(fabric, laws):
         title=f"Bending rigidity of fabric {fabric.name} over that of its yarn",
         summary="Loop length, yarn diameter and set change one at a time; equilibrium without"
         " friction, spacings free.",
-        references=("munden",), settings=settings.told({}),
+        references=("munden",), settings=settings.fixed,
     )  # fmt: skip
     return dataset, timings

@@ -71,7 +71,9 @@ def opened(files, **labels):
     """
     for file in files:
         with xr.open_dataset(file, engine="netcdf4") as dataset:
-            if "stopped" not in dataset.attrs and all(dataset.attrs[name] == value for name, value in labels.items()):
+            if "stopped" not in dataset.attrs and all(
+                dataset.attrs[name] == value for name, value in labels.items()
+            ):
                 yield dataset
 
 

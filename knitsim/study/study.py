@@ -243,7 +243,9 @@ def _files(resolved, section):
         # What a study names lies in it, so that it can be sent, and shows no other file.
         if resolved.file and (Path(file).is_absolute() or ".." in Path(file).parts):
             raise InputError(
-                key, shown(file), "must lie in the study, named from there: without .. and not absolute"
+                key,
+                shown(file),
+                "must lie in the study, named from there: without .. and not absolute",
             )
         at = next(
             (folder / file for folder in resolved._folders if (folder / file).is_file()), None

@@ -1,4 +1,4 @@
-"""Write the tables of workflow/report/README.md from the workflow's: python workflow/scripts/readme.py [results]."""
+"""Write the tables of workflow/report/README.md: python workflow/scripts/readme.py [results]."""
 
 import csv
 import re

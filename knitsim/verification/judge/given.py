@@ -54,7 +54,8 @@ class Given:
     loops in its cell.  pattern: the stitches, k or p, rows from the bottom up, repeated over the cell.
     set_fraction: rest curvature over that of the loop held flat, a single one; held: (its centre line
     (m + 1, 3), its lattice (4,)).  bending_hysteresis: couple (N m) by which the yarn's moment lags.
-    sprung: whether friction gives way elastically before it slips.
+    tangential_ratio: stiffness of a contact across its normal over that along it where it first
+    touches; stuck_ratio: of the yarn's stiffness before its fibres slide over its bending rigidity.
     """
 
     loop_length: float
@@ -72,7 +73,8 @@ class Given:
     set_fraction: float = 0.0
     held: tuple | None = None
     bending_hysteresis: float = 0.0
-    sprung: bool = False
+    tangential_ratio: float = 1.0
+    stuck_ratio: float = 20.0
 
     @property
     def rubs(self):

@@ -3,9 +3,9 @@
 Nothing here is shared with the solver: no symmetry, no unknowns, no compiled code.  Whole loops, their
 neighbours by translation, every integral a sum over points, derivatives by complex step.  The
 formulation is the one that the equilibrium model states: per reference length W(strain) of the
-tension law and B/2 (kappa - kappa_0)^2, kappa_0 a part of the curvature of the held loop, and between
-yarns an energy per length squared of unordered pairs, without neighbours on one yarn closer than 1.6
-diameters of arc.
+tension law and B/2 |k - R k_0|^2, k the curvature vector, k_0 a part of that of the held loop and R the
+least rotation between the tangents there and here; and between yarns an energy per length squared of
+unordered pairs, without neighbours on one yarn closer than 1.6 diameters of arc.
 
 Where the fabric is bent, the point (x, y, z), x along the bent direction, lies at the angle kappa x of
 a cylinder about the other direction, at the radius 1/kappa + z; a curvature of zero is the flat fabric.
@@ -16,14 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from knitsim.verification.judge.contact import SPREAD, cell_mean, cell_press, cell_slopes, cells
 from knitsim.verification.judge.given import control_of, design, law_energy
 
 NEIGHBOURS = 1.6  # diameters of arc below which two places of one yarn do not touch
 ROUNDED_STRAIN = (
     4e-4  # half width over which the solver says that it rounds kinks of the tension law
-)
-ROUNDED_TURN = (
-    0.02  # of 2 pi over the loop length: how the solver says that it rounds |kappa| near 0
 )
 REACH = 2  # wales and courses to the furthest images that can touch
 _STEP = 1e-30  # of complex derivatives: exact to round-off, whatever the unit
@@ -35,8 +33,8 @@ class Shape:
 
     control (yarns, spans, 3); lattice (4,): the steps to the next wale and to the next course (m);
     curvature (1/m); points (contacts, 3): contact points of all yarns.  Unordered pairs of contact
-    points closer than a diameter in space: i, k, image (pairs, 2) by which k is moved (cells along the
-    course and the wale), gap (pairs, 3): from k to i, and its length distance (m).
+    points that may touch: i, k, image (pairs, 2) by which k is moved (cells along the course and the
+    wale), gap (pairs, 3): from k to i in space, and its length distance (m).
     """
 
     control: np.ndarray
@@ -54,13 +52,14 @@ class Energy:
     """Energy of one cell by one quadrature.
 
     gauss: points of the yarn's own energy per span; contacts: contact points per loop, in the middle
-    of equal parts; rounding: whether kinks are rounded as the solver says; bent: the axis that becomes
-    curved (0 course, 1 wale).
+    of equal parts; stated: whether kinks of the tension law are rounded and the contact law is averaged
+    over cells (:mod:`.contact`) as the solver says that it does, or both are taken as given; bent: the
+    axis that becomes curved (0 course, 1 wale).
     """
 
-    def __init__(self, given, gauss, contacts, rounding, bent=0):
-        self.given, self.bent = given, bent
-        self.rounding = ROUNDED_STRAIN if rounding else 0.0
+    def __init__(self, given, gauss, contacts, stated, bent=0):
+        self.given, self.bent, self.stated = given, bent, stated
+        self.rounding = ROUNDED_STRAIN if stated else 0.0
         self.loops = given.wales * given.courses
         n = given.points * given.wales
         place, weight = np.polynomial.legendre.leggauss(gauss)
@@ -68,21 +67,29 @@ class Energy:
         self.span = given.loop_length / given.points
         self.weight = np.tile(0.5 * weight, n) * self.span
         self.yarn = [design(n, u, order) for order in (0, 1, 2)]
-        self.rest = self.turn_rounding = None
+        self.rest = None
         if given.set_fraction > 0.0:
             line, lattice = given.held
             own = control_of(line[:-1:2], line[-1] - line[0])
             v, a = (
-                matrix @ own + np.outer(turns, [lattice[0], lattice[1], 0.0])
+                (matrix @ own + np.outer(turns, [lattice[0], lattice[1], 0.0]))[
+                    :, [bent, 1 - bent, 2]
+                ].T
                 for matrix, turns in (design(given.points, u, order) for order in (1, 2))
             )
-            self.rest = given.set_fraction * size_of(self._turn(v.T, a.T).T)
-            self.turn_rounding = rounding * ROUNDED_TURN * 2.0 * np.pi / given.loop_length
+            # Tangent and rest curvature, in the frame in which the fabric bends.
+            self.rest = v / size_of(v.T), given.set_fraction * self._turn(v, a)
         u = (np.arange(contacts * given.wales) + 0.5) * given.points / contacts
         self.arc = np.tile(u * self.span, given.courses)
         self.of_yarn = np.repeat(np.arange(given.courses), len(u))
         self.length = given.loop_length / contacts
         self.place, self.turns = design(n, u)
+        # Steps to the next contact points, and second differences.
+        part = given.points / contacts
+        self.frames = [
+            tuple(part**order * x for x in design(n, u, order))
+            for order in ((1, 2) if stated else ())
+        ]
 
     # ------------------------------------------------------------ shapes
 
@@ -96,7 +103,8 @@ class Energy:
         control, lattice = np.atleast_3d(control), np.asarray(lattice, dtype=float)
         control = control.reshape(self.given.courses, -1, 3)
         points = self.placed(self.place, self.turns, control, lattice).reshape(-1, 3)
-        i, k, image, _ = self.near(points, lattice, curvature, self.given.diameter)
+        reach = self.given.diameter + self.stated * SPREAD * self.length
+        i, k, image, _ = self.near(points, lattice, curvature, reach)
         bare = Shape(control, lattice, curvature, points, i, k, image, None, None)
         gap = self.gaps(bare, i, k, image)
         return Shape(control, lattice, curvature, points, i, k, image, gap, size_of(gap))
@@ -163,28 +171,66 @@ class Energy:
         flat = a[:, :2] - b[:, :2] - shift
         return np.stack([flat[:, self.bent], flat[:, 1 - self.bent], a[:, 2], b[:, 2]])
 
-    def _by_gap(self, shape):
+    def by_gap(self, shape, pairs=None):
         """Derivatives (5, pairs, 3) of the gaps by what they depend on, the curvature last."""
-        parts = [*self._apart(shape, shape.i, shape.k, shape.image), shape.curvature]
-        slopes = []
-        for n in range(5):
-            moved = list(parts)
-            moved[n] = moved[n] + 1j * _STEP
-            slopes.append(_gap(*moved).imag / _STEP)
-        return np.array(slopes)
+        pairs = (shape.i, shape.k, shape.image) if pairs is None else pairs
+        parts = [*self._apart(shape, *pairs), shape.curvature]
+        return np.array([_gap(*moved).imag / _STEP for moved in _moved(parts)])
+
+    # ------------------------------------------------------------ contact
+
+    def _cells(self, shape, i, k, image):
+        """What cells of pairs depend on, as :func:`.contact.cells` takes it: 17 rows, the curvature last."""
+        at = self._apart(shape, i, k, image)
+        order, away = [self.bent, 1 - self.bent, 2], np.array([[-1.0], [-1.0], [1.0]])
+        steps = [
+            self.placed(*one, shape.control, shape.lattice).reshape(-1, 3)[:, order].T
+            for one in self.frames
+        ]
+        own, other = ([step[:, ends] for step in steps] for ends in (i, k))
+        return [*at, *own[0], *(away * other[0]), *own[1], *(away * other[1]), shape.curvature]
+
+    def energies(self, shape):
+        """Energies of the pairs (J)."""
+        if self.stated:
+            parts = self._cells(shape, shape.i, shape.k, shape.image)
+            return cell_mean(self.given, *_cells_of(parts)) * self.length**2
+        return self.given.contact.at(shape.distance, self.given.diameter)[0] * self.length**2
+
+    def press(self, shape, pairs=None):
+        """Forces (pairs,) between the points of pairs (those of the shape if None), repelling (N)."""
+        pairs = (shape.i, shape.k, shape.image) if pairs is None else pairs
+        if self.stated:
+            q, a, b = _cells_of(self._cells(shape, *pairs))
+            far = size_of(self.gaps(shape, *pairs))
+            return cell_press(self.given, q, a, b, far) * self.length**2
+        near = np.minimum(size_of(self.gaps(shape, *pairs)), self.given.diameter)
+        return self.given.contact.at(near, self.given.diameter)[1] * self.length**2
+
+    def _by_contact(self, shape):
+        """Derivatives of the contact energy by control points, cell and curvature."""
+        if not self.stated:
+            return self.pulled(shape, -(self.press(shape) / shape.distance)[:, None] * shape.gap)
+        parts = self._cells(shape, shape.i, shape.k, shape.image)
+        force = cell_slopes(self.given, *_cells_of(parts)) * self.length**2
+        by = [(np.imag(_cells_of(moved)) / _STEP * force).sum(0) for moved in _moved(parts)]
+        pairs = shape.i, shape.k, shape.image
+        found = self._spread(shape, by[:4], (self.place, self.turns), pairs)
+        for n, frame in enumerate(self.frames):
+            own, other = (by[4 + 6 * n + 3 * end : 7 + 6 * n + 3 * end] for end in (0, 1))
+            moved = self._scattered(
+                shape, frame, self.by_axis(*own), self.by_axis(-other[0], -other[1], other[2])
+            )
+            found = tuple(a + b for a, b in zip(found, moved, strict=True))
+        return *found, by[16].sum()
 
     # ------------------------------------------------------------ energies
-
-    def contact(self, shape):
-        """Energies of the pairs (J), and the forces between them (N), positive when they repel."""
-        v, force = self.given.contact.at(shape.distance, self.given.diameter)
-        return v * self.length**2, force * self.length**2
 
     def terms(self, shape):
         """Stretch, bending and contact energy of a loop (J)."""
         stretch, bend = self._yarn_energies(self._local(shape), shape.curvature)
         yarn = (self.weight * [stretch.sum(0), bend.sum(0)]).sum(1)
-        return np.array([*yarn, self.contact(shape)[0].sum()]) / self.loops
+        return np.array([*yarn, self.energies(shape).sum()]) / self.loops
 
     def _local(self, shape):
         """Place and its derivatives by u at the Gauss points, (9, yarns, m): axis by axis."""
@@ -217,14 +263,15 @@ class Energy:
     def _yarn_energies(self, local, curvature):
         """Stretch and bending energy (J per length) at the Gauss points, (yarns, m) each."""
         v, a = self._motion(local, curvature)
-        strain = np.sqrt((v**2).sum(0)) / self.span - 1.0
-        square = (self._turn(v, a) ** 2).sum(0)
-        if self.rest is None:
-            bend = square
-        else:
-            bend = (np.sqrt(square + self.turn_rounding**2) - self.rest) ** 2
-        stretch = law_energy(strain, self.given, self.rounding)
-        return stretch, 0.5 * self.given.bending_rigidity * bend
+        speed = np.sqrt((v**2).sum(0))
+        turn = self._turn(v, a)
+        if self.rest is not None:
+            # R k_0 = k_0 - (k_0.t) (t_0 + t)/(1 + t_0.t), as k_0 lies across t_0.
+            tangent, (was, rest) = v / speed, (one[:, None] for one in self.rest)
+            leant = (rest * tangent).sum(0) / (1.0 + (was * tangent).sum(0))
+            turn = turn - rest + leant * (was + tangent)
+        stretch = law_energy(speed / self.span - 1.0, self.given, self.rounding)
+        return stretch, 0.5 * self.given.bending_rigidity * (turn**2).sum(0)
 
     def _by_local(self, shape, values):
         """For each of the nine local numbers: its design, its axis, and the slope of values(local)."""
@@ -240,8 +287,7 @@ class Energy:
 
         What is not named stays as it is; when the lattice changes, images and ends of yarns move.
         """
-        pull = -(self.contact(shape)[1] / shape.distance)[:, None] * shape.gap
-        on_control, on_cell, by_curvature = self._pulled(shape, pull)
+        on_control, on_cell, by_curvature = self._by_contact(shape)
         rows = self._by_local(shape, lambda x: sum(self._yarn_energies(x, shape.curvature)))
         for (matrix, turns), axis, slope in rows:
             on_control[..., axis] += (self.weight * slope) @ matrix
@@ -249,26 +295,37 @@ class Energy:
                 on_cell[0, axis] += ((self.weight * slope) @ turns).sum()
         turned = sum(self._yarn_energies(self._local(shape), shape.curvature + 1j * _STEP))
         by_curvature += (self.weight * turned.imag / _STEP).sum()
-        return self._told((on_control, on_cell, by_curvature))
+        return self.told((on_control, on_cell, by_curvature))
 
-    def _pulled(self, shape, pull):
+    def pulled(self, shape, pull, pairs=None):
         """Derivatives by control points, cell (2, 2) and curvature, from those by the gaps (pairs, 3)."""
-        by = (self._by_gap(shape) * pull).sum(-1)
-        on_k = self._by_axis(-by[0], -by[1], by[3])
-        at = self._gathered(shape, self._by_axis(by[0], by[1], by[2]), on_k)
-        on_cell = shape.image.T @ on_k[:, :2]
-        on_cell[0] += (self.turns @ at).sum(0)[:2]
-        return self.place.T @ at, on_cell, by[4].sum()
+        pairs = (shape.i, shape.k, shape.image) if pairs is None else pairs
+        by = (self.by_gap(shape, pairs) * pull).sum(-1)
+        found = self._spread(shape, by[:4], (self.place, self.turns), pairs)
+        return *found, by[4].sum()
 
-    def _by_axis(self, along, other, thick):
+    def _spread(self, shape, by, frame, pairs):
+        """Derivatives by control points and cell, from those (4, pairs) by what gaps depend on."""
+        on_k = self.by_axis(-by[0], -by[1], by[3])
+        on_control, on_cell = self._scattered(shape, frame, self.by_axis(*by[:3]), on_k, pairs)
+        return on_control, on_cell + pairs[2].T @ on_k[:, :2]
+
+    def _scattered(self, shape, frame, on_i, on_k, pairs=None):
+        """The same from derivatives (pairs, 3) by values of a frame at both ends of the pairs."""
+        at, on_cell = self.gathered(shape, on_i, on_k, pairs), np.zeros((2, 2))
+        on_cell[0] = (frame[1] @ at).sum(0)[:2]
+        return frame[0].T @ at, on_cell
+
+    def by_axis(self, along, other, thick):
         """Values (pairs, 3) by the fabric's axes, from those by the bent one, the other, thickness."""
         values = np.empty((len(along), 3))
         values[:, self.bent], values[:, 1 - self.bent], values[:, 2] = along, other, thick
         return values
 
-    def _gathered(self, shape, on_i, on_k):
+    def gathered(self, shape, on_i, on_k, pairs=None):
         """Sums (yarns, contacts, 3) by contact point of what acts on both ends of the pairs."""
-        ends, values = np.concatenate([shape.i, shape.k]), np.concatenate([on_i, on_k])
+        i, k = (shape.i, shape.k) if pairs is None else pairs[:2]
+        ends, values = np.concatenate([i, k]), np.concatenate([on_i, on_k])
         sums = [np.bincount(ends, column, len(self.arc)) for column in values.T]
         return np.stack(sums, axis=1).reshape(self.given.courses, -1, 3)
 
@@ -279,113 +336,29 @@ class Energy:
 
     # ------------------------------------------------------------ friction
 
-    def slip(self, shape, since, pairs=None):
-        """How the pairs (i, k, image) have slipped since another shape: a vector (pairs, 3), m.
-
-        The change of the gap across its normal, the mean of both; pairs: those of the shape if None.
-        """
-        pairs = (shape.i, shape.k, shape.image) if pairs is None else pairs
-        now, then = self.gaps(shape, *pairs), self.gaps(since, *pairs)
-        normal = now + then
-        normal /= size_of(normal)[:, None]
-        return now - then - ((now - then) * normal).sum(1)[:, None] * normal
-
-    def friction(self, shape, before=None, earlier=None, least=(0.0, 0.0)):
-        """What Coulomb's law does to what :meth:`gradient` gives, as far as slips tell, and the most
-        that it may do besides: two triples in the same order and units.
-
-        A pair that slipped since the shape ``before`` by least[0] (m) or more rubs against its slip.  Its
-        direction may have turned on the way, as from the step from ``earlier`` to before; friction does
-        the most work there is, so that an error of the direction counts by its square.  A place whose
-        curvature went on by least[1] (1/m) or more lags behind it.  What else rubs or lags does so in some
-        direction.  Without before no slip is known.
-        """
-        rub = self.given.friction * self.contact(shape)[1]
-        pull, unsure = np.zeros_like(shape.gap), np.ones_like(rub)
-        turn = self._turn_of(shape)
-        lag, loose = np.zeros_like(turn), np.ones(turn.shape[1:])
-        if before is not None:
-            pairs = shape.i, shape.k, shape.image
-            ways = self.slip(shape, before, pairs), self.slip(before, earlier, pairs)
-            sizes = [size_of(way) for way in ways]
-            last, first = (
-                w / np.where(s > 0.0, s, 1.0)[:, None] for w, s in zip(ways, sizes, strict=True)
-            )
-            slips = (sizes[0] >= least[0]) & (sizes[0] > 0.0)
-            pull = np.where(slips[:, None], rub[:, None] * last, 0.0)
-            unsure = np.where(slips, np.minimum(((last - first) ** 2).sum(1), 1.0), 1.0)
-            was = self._turn_of(before)
-            along = was / size_of(was.T).T
-            steps = (along * (turn - was)).sum(0), (along * (was - self._turn_of(earlier))).sum(0)
-            turns = (np.abs(steps[0]) >= least[1]) & (steps[0] * steps[1] > 0.0)
-            lag, loose = np.where(turns, np.sign(steps[0]), 0.0) * along, 1.0 - turns
-        acting = self._pulled(shape, pull)
-        most = self._rubbed_most(shape, rub * unsure)
-        if self.given.bending_hysteresis > 0.0:
-            acting = self._lagging(shape, lambda slope: (lag * slope).sum(0), acting)
-            most = self._lagging(shape, lambda slope: loose * size_of(slope.T).T, most, np.abs)
-        return self._told(acting), self._told(most)
-
-    def _told(self, derivatives):
+    def told(self, derivatives):
         """By control points, cell and curvature: the latter two of one loop."""
         on_control, on_cell, by_curvature = derivatives
         return on_control, self._per_loop(on_cell), by_curvature / self.loops
 
-    def _rubbed_most(self, shape, rub):
-        """As :meth:`_pulled`, of pairs that rub with these forces (pairs,), all in the same sense."""
-        normal, by = shape.gap / shape.distance[:, None], self._by_gap(shape)
-        across = np.sqrt(np.maximum((by**2).sum(-1) - (by * normal).sum(-1) ** 2, 0.0)) * rub
-        on_i = self._by_axis(across[0], across[1], across[2])
-        at = self._gathered(shape, on_i, self._by_axis(across[0], across[1], across[3]))
-        # What the cell moves is the gap: each turn of k's image, less that of i along the yarn.
-        turns = np.tile(self.turns, self.given.courses)
-        steps = np.abs(shape.image - np.outer(turns[shape.i] - turns[shape.k], [1, 0]))
-        return np.abs(self.place).T @ at, steps.T @ on_i[:, :2], across[4].sum()
-
-    def _turn_of(self, shape, local=None, more=0.0):
+    def turn_of(self, shape, local=None, more=0.0):
         """The yarn's turning (3, yarns, m), 1/m; more: added to the curvature of the fabric."""
         local = self._local(shape) if local is None else local
         return self._turn(*self._motion(local, shape.curvature + more))
 
-    def _lagging(self, shape, weigh, derivatives, size=np.asarray):
+    def lagging(self, shape, weigh, derivatives, size=np.asarray):
         """Derivatives with those of the lagging couples added.
 
         weigh: from slopes of the turning (3, yarns, m) to those of the couples' work over the couple.
         """
         on_control, on_cell, by_curvature = derivatives
         couple = self.given.bending_hysteresis * self.weight
-        for (matrix, turns), axis, slope in self._by_local(
-            shape, lambda x: self._turn_of(shape, x)
-        ):
+        for (matrix, turns), axis, slope in self._by_local(shape, lambda x: self.turn_of(shape, x)):
             on_control[..., axis] += (couple * weigh(slope)) @ size(matrix)
             if axis < 2:
                 on_cell[0, axis] += ((couple * weigh(slope)) @ size(turns)).sum()
-        slope = self._turn_of(shape, more=1j * _STEP).imag / _STEP
+        slope = self.turn_of(shape, more=1j * _STEP).imag / _STEP
         return on_control, on_cell, by_curvature + (couple * weigh(slope)).sum()
-
-    def rubbed(self, before, after, least=(0.0, 0.0)):
-        """Energy (J per loop) that friction takes between two shapes that lie close together: the most
-        that it can, and the part of it where slips tell (least: see :meth:`friction`).
-
-        Each pair that touches slips across its mean normal, against the coefficient times the mean of
-        its two normal forces; the yarn's curvature, counted along the direction it had, changes against
-        its couple.  What sticks takes less.
-        """
-        pairs = np.concatenate([np.column_stack([s.i, s.k, s.image]) for s in (before, after)])
-        i, k, *image = np.unique(pairs, axis=0).T
-        pairs, forces = (i, k, np.transpose(image)), 0.0
-        for s in (before, after):
-            near = np.minimum(size_of(self.gaps(s, *pairs)), self.given.diameter)
-            forces = forces + self.given.contact.at(near, self.given.diameter)[1] * self.length**2
-        slip = size_of(self.slip(after, before, pairs))
-        was, now = self._turn_of(before), self._turn_of(after)
-        change = np.abs((was * (now - was)).sum(0)) / size_of(was.T).T
-        taken = []
-        for slips, turns in ((0.0, 0.0), least):
-            rubbed = 0.5 * self.given.friction * (forces @ np.where(slip >= slips, slip, 0.0))
-            lagged = self.weight * np.where(change >= turns, change, 0.0)
-            taken.append((rubbed + self.given.bending_hysteresis * lagged.sum()) / self.loops)
-        return np.array(taken)
 
 
 def _gap(along, other, z_i, z_k, curvature):
@@ -394,6 +367,17 @@ def _gap(along, other, z_i, z_k, curvature):
     arm = 0.5 * along if curvature == 0.0 else np.sin(angle) / curvature
     parts = (2.0 + curvature * (z_i + z_k)) * arm, other, (z_i - z_k) * np.cos(angle)
     return np.stack(parts, axis=-1)
+
+
+def _cells_of(parts):
+    """:func:`.contact.cells` of its 17 rows."""
+    return cells(parts[:4], parts[4:7], parts[7:10], parts[10:13], parts[13:16], parts[16])
+
+
+def _moved(parts):
+    """Copies of a list of values, in each of which one has taken a complex step."""
+    for n in range(len(parts)):
+        yield [*parts[:n], parts[n] + 1j * _STEP, *parts[n + 1 :]]
 
 
 def size_of(vectors):

@@ -28,6 +28,7 @@ class States:
     angle of shear (rad) or curvature.  load (n, 4): force on each entry of the lattice (N per loop), NaN
     where it is not told; moment: per width at rest (N).  energy (n, 3): stretch, bending, contact, and
     sprung: in friction that gives way elastically; work, dissipated: cumulative; all J per loop.
+    increments: solved steps since the state before.
     min_distance: in diameters, NaN where nothing is near.  numerical_error: what the solver says that
     the load may be off by, over max(|load|, 1 % of the largest), NaN where it does not say.
     """
@@ -42,6 +43,7 @@ class States:
     sprung: np.ndarray
     work: np.ndarray
     dissipated: np.ndarray
+    increments: np.ndarray
     min_distance: np.ndarray
     numerical_error: np.ndarray
 

@@ -33,6 +33,8 @@ RANGES = {
     # K d over the first slope; the cotton has 0.0064.
     "compression": (3e-3, 0.3, "log"),
     "friction": (0.0, 0.6, ""),
+    # Stiffness of a contact across over that along its normal, where friction has not yet slipped.
+    "tangential": (0.3, 3.0, "log"),
     # Diameter over core; force of a crossing pressed half way to the core, over B/core^2; exponent.
     # The acrylic has 2.28, 0.014 and 2.4.
     "swell": (1.1, 2.4, ""),
@@ -93,7 +95,7 @@ class Case:
 
     law_strain, law_tension: two linear pieces up to the breaking strain.  contact: the judge's Barrier
     or Core.  points, contacts: control and contact points per loop, contacts None for the default;
-    cell: quarter or full; wales, courses: loops in it.  family: name of a kind of worst case.
+    cell: symmetric or full; wales, courses: loops in it.  family: name of a kind of worst case.
     refined: whether the tests are solved again at twice the resolution.
     """
 
@@ -109,9 +111,10 @@ class Case:
     friction: float = 0.0
     set_fraction: float = 0.0
     bending_hysteresis: float = 0.0
+    tangential_ratio: float = 1.0
     points: int = POINTS
     contacts: int | None = None
-    cell: str = "quarter"
+    cell: str = "symmetric"
     wales: int = 1
     courses: int = 1
     family: str = "any"
@@ -196,8 +199,8 @@ def _fabric(number, value, random, cell):
         number, length / value["kw"], length / value["kc"], length, thick, rigidity,
         (0.0, kink, end), (0.0, at_kink, at_kink + value["second_slope"] * slope * (end - kink)),
         contact, value["friction"] if rubs else 0.0, value["set"] if has["set"] else 0.0,
-        lag if has["hysteresis"] else 0.0, 96 if has["fine"] else POINTS, None,
-        cell or ("full" if has["full"] or several else "quarter"), wales, courses, value["family"],
+        lag if has["hysteresis"] else 0.0, value["tangential"], 96 if has["fine"] else POINTS, None,
+        cell or ("full" if has["full"] or several else "symmetric"), wales, courses, value["family"],
     )  # fmt: skip
 
 

@@ -9,10 +9,10 @@ AT_REST = 0.8  # distance of yarns that touch in an unloaded fabric, in diameter
 MUNDEN = {"course": 3.8, "wale": 5.0}  # l over the spacing at rest that is pulled
 TIGHT_WALE, TIGHT_COURSE = 4.0, 2.0  # diameters: closest spacings
 
-# Limits that the method states: of its resolution (contact points d/8 to d/96 apart, d/11 by the
+# Limits that the method states: of its resolution (contact points d/4.4 to d/96 apart, d/8 by the
 # width of a contact), of the yarn and of how tightly a fabric of a thickness may be bent.
-LEAST_POINTS, LEAST_BULK, LEAST_RIGIDITY, MOST_FRICTION = 24, 12.0, 1e-15, 1.0
-CONTACT_SPACING, NARROWEST, WIDEST = 1.0 / 11.0, 1.0 / 96.0, 1.0 / 8.0
+LEAST_POINTS, LEAST_BULK, LEAST_RIGIDITY, MOST_FRICTION = 24, 4.0, 1e-15, 1.0
+CONTACT_SPACING, NARROWEST, WIDEST = 1.0 / 8.0, 1.0 / 96.0, 1.0 / 4.4
 NARROW = (NARROWEST / CONTACT_SPACING) ** 4  # B/(K d^3) below which contacts are narrower than that
 TIGHTEST = 0.5  # curvature times half the thickness
 THICK = 2.5  # half the thickness of a fabric, in diameters, yarn included
@@ -86,7 +86,7 @@ def impossible(case):
         reasons.append("friction or set out of range")
     if case.bending_hysteresis < 0.0:
         reasons.append("hysteresis below zero")
-    if not case.contact.core and length < LEAST_BULK * case.diameter:
+    if length < LEAST_BULK * case.diameter:
         reasons.append("yarn too thick for its loop")
     if length > 4.0 * (case.wale_spacing + 2.0 * case.course_spacing):
         reasons.append("loop too long to stay looped")

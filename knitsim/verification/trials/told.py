@@ -3,11 +3,10 @@
 import numpy as np
 
 from knitsim.equilibrium import spline
-from knitsim.equilibrium.cell import loop_of
+from knitsim.equilibrium.cell import loops_of
 from knitsim.equilibrium.contact import BarrierContact, CoreContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
-from knitsim.equilibrium.model import build_model
-from knitsim.equilibrium.relax import held_state, relax
+from knitsim.equilibrium.relax import relax
 from knitsim.verification.judge.given import Core, Given
 from knitsim.verification.judge.verdict import States, Test
 from knitsim.yarn.law import TensionLaw
@@ -25,7 +24,7 @@ def fabric_of(case):
     return Fabric(
         case.wale_spacing, case.course_spacing, case.loop_length, case.diameter,
         case.bending_rigidity, TensionLaw(case.law_strain, case.law_tension, case.law_strain[-1]),
-        contact, case.friction, case.set_fraction, case.bending_hysteresis,
+        contact, case.friction, case.set_fraction, case.bending_hysteresis, case.tangential_ratio,
     )  # fmt: skip
 
 
@@ -35,28 +34,31 @@ def relaxed_of(case):
     return relax(fabric_of(case), size)
 
 
-def given_of(case, relaxed, bends=False):
-    """What the judge is told of a Case and of how finely it was solved."""
-    cell, held = relaxed.model.cell, None
+def given_of(case, relaxed):
+    """What the judge is told of a Case and of how finely it was solved: as the state at rest was."""
+    model, cell, held = relaxed.model, relaxed.model.cell, None
     if case.set_fraction > 0.0:
-        # One symmetric loop, whatever cell is solved.
-        size, fabric = Resolution(cell.points, cell.contacts), relaxed.model.fabric
-        one = build_model(fabric, size)
-        y = held_state(fabric, size)
-        held = lines_of(one, y)[0], y[one.lattice :]
+        # All loops of a cell take the same set.
+        line = lines_of(model, model.held)[0]
+        held = line[: 2 * cell.points + 1], lattice_of(model, model.held)
     return Given(
         case.loop_length, case.diameter, case.bending_rigidity, case.law_strain, case.law_tension,
         case.contact, case.friction, cell.points, cell.contacts, cell.wales, cell.courses,
         set_fraction=case.set_fraction, held=held,
-        bending_hysteresis=case.bending_hysteresis if bends else 0.0,
+        bending_hysteresis=case.bending_hysteresis, tangential_ratio=case.tangential_ratio,
     )  # fmt: skip
+
+
+def lattice_of(model, y):
+    """The spacings (..., 4) of unknowns (..., n)."""
+    return y[..., model.lattice : model.lattice + 4]
 
 
 def lines_of(model, y):
     """Centre lines (courses, m + 1, 3), m, of all courses of a cell, two samples per span."""
-    cell, lattice = model.cell, y[model.lattice :]
+    cell, lattice = model.cell, lattice_of(model, y)
     step = cell.wales * np.array([lattice[0], lattice[1], 0.0])
-    yarns = loop_of(cell, y).reshape(cell.courses, -1, 3)
+    yarns = loops_of(cell, y)
     spans = yarns.shape[1]
     u = np.arange(2 * spans + 1) / 2.0
     return np.array(
@@ -74,9 +76,9 @@ def _states(relaxed, columns, count):
     y = relaxed.y[None]
     rest = {
         "centreline": lines_of(relaxed.model, relaxed.y)[None],
-        "lattice": y[:, relaxed.model.lattice :], "curvature": 0.0, "coordinate": np.zeros((1, 0)),
-        "load": np.zeros((1, 4)), "moment": np.nan, "energy": relaxed.energy[None], "sprung": 0.0,
-        "work": 0.0, "dissipated": 0.0, "min_distance": relaxed.min_distance,
+        "lattice": lattice_of(relaxed.model, y), "curvature": 0.0, "coordinate": np.zeros((1, 0)),
+        "load": np.zeros((1, 4)), "moment": np.nan, "energy": relaxed.energy[None, :3], "sprung": 0.0,
+        "work": 0.0, "dissipated": 0.0, "increments": 1, "min_distance": relaxed.min_distance,
         "numerical_error": np.nan,
     }  # fmt: skip
     values = {}
@@ -91,9 +93,10 @@ def states_of(asked, relaxed, curve):
     model = curve.model
     columns = {
         "centreline": np.array([lines_of(model, y) for y in curve.y]),
-        "lattice": curve.y[:, model.lattice :], "energy": curve.energy, "work": curve.work,
+        "lattice": lattice_of(model, curve.y), "energy": curve.energy[:, :3], "work": curve.work,
+        "sprung": curve.energy[:, 3],
         "dissipated": curve.dissipated, "min_distance": curve.min_distance,
-        "numerical_error": curve.numerical_error,
+        "numerical_error": curve.numerical_error, "increments": curve.increments,
     }  # fmt: skip
     if asked.kind == "bending":
         columns |= {
@@ -119,7 +122,7 @@ def wanted_of(asked, relaxed, curve):
     """The judge's Test; at rest where nothing is asked."""
     if asked is None:
         return Test()
-    lattice, lateral = relaxed.y[relaxed.model.lattice :], asked.lateral
+    lattice, lateral = lattice_of(relaxed.model, relaxed.y), asked.lateral
     dead, held, driven = np.zeros(4), {1, 2}, (asked.direction,)
     if asked.kind == "bending":
         driven = (asked.name,)

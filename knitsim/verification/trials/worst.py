@@ -118,7 +118,7 @@ def _no_input(case, random):
         {"friction": 1.0 + random.uniform(0.1, 2.0)},
         {"friction": -0.1},
         {"diameter": 0.0},
-        {"diameter": case.loop_length / random.uniform(2.0, 7.0)},
+        {"diameter": case.loop_length / random.uniform(2.0, 3.9)},
         {"loop_length": math.nan},
         {"wale_spacing": math.inf},
         {"course_spacing": -case.course_spacing},
