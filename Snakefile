@@ -30,6 +30,11 @@ include: "workflow/rules/excel.smk"
 rule all:
     default_target: True
     input:
+        # Results first: one that is missing is made again, even if what shows it is there.
+        YARN_FILES,
+        TEST_FILES,
+        KES_FILES,
+        MEASURED_FILES[""],
         TABLES,
         FIGURES,
         OTHERS,

@@ -123,8 +123,9 @@ REFUSED = {
         ["config/small/fabrics.yaml: small.wales_per_cm = -3", "above 0"],
     ),
     "short loop": (
-        change("fabrics", LENGTH, "loop_length_mm: 2.5\n"),
-        ["config/small/fabrics.yaml: small.loop_length_mm = 2.5", "must be at least"],
+        # Of a fabric with tests of the kinematic model alone: no model is left.
+        change("fabrics", "[3.3, 3.35]", "2.5"),
+        ["config/small/fabrics.yaml: bent.loop_length_mm = 2.5", "must be at least"],
     ),
     "missing file": (
         lambda project: (project.folder / STUDY / "scenes.yaml").unlink(),

@@ -8,7 +8,7 @@ from workflow_tools import BENT, ROOT
 
 def test_a_run_ends_with_a_table(finished):
     text = (finished.folder / "log.txt").read_text()
-    lines = text[text.index("fabric  ") :].splitlines()
+    lines = text[text.index("\nfabric  ") + 1 :].splitlines()
     assert "strain at 50" in lines[0]
     assert any(line.startswith("small") for line in lines)
     assert any(line.startswith(BENT[0]) for line in lines)

@@ -8,7 +8,7 @@ import xarray as xr
 
 from knitsim import kes
 from knitsim.errors import InputError
-from knitsim.store.reader import opened
+from knitsim.store.reader import attributes, opened
 from knitsim.store.results import labels_of
 from knitsim.store.writer import describe
 
@@ -93,9 +93,9 @@ def _cells(row, label):
 
 def run(files):
     """Dataset of the KES parameters of a fabric, one a row; files: the results of its tests."""
-    rows, tests, assumed, about = [], {}, {}, {}
+    rows, tests, assumed, first = [], {}, {}, attributes(next(iter(files)))
+    about = {name: first[name] for name in ("fabric", "yarn")}
     for test in opened(files):
-        about = {name: test.attrs[name] for name in ("fabric", "yarn")}
         rows += rows_of(test)
         configuration = json.loads(test.attrs["configuration"])
         configuration.pop("assumed", None)  # stands in the attribute assumptions

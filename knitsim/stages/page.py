@@ -139,7 +139,10 @@ def _kes(rows, fabric):
             if not cells:
                 continue
             one = next(iter(cells.values()))
-            given = {d: cells.get(d) or cells.get("") for d in DIRECTIONS}
+            # Shear has no direction.
+            given = (
+                {d: cells.get(d) for d in DIRECTIONS} if "" not in cells else {"both": cells[""]}
+            )
             found.append(
                 {
                     "name": parameter.replace("_", " "),

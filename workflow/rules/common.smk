@@ -137,7 +137,8 @@ KES_FILES = [result_of("kes", fabric=fabric) for fabric in PLAN.with_kes]
 TIMINGS, FIGURES, TABLES, OTHERS = [], [], [], []
 
 # What was cut short from outside, by a full disk or a copy, is made again.
-for file in [*YARN_FILES, *TEST_FILES, *KES_FILES]:
+CALIBRATED = [results(f) for name in PLAN.measured for f in PLAN.calibrated(name, None)]
+for file in [*YARN_FILES, *TEST_FILES, *KES_FILES, *CALIBRATED, result_of("verification")]:
     if os.path.exists(file) and not is_whole(file):
         print(f"knitsim: {file} is cut short: it is made again", file=sys.stderr)
         os.unlink(file)
