@@ -601,3 +601,14 @@ def test_noise_in_the_curvature_is_named():
         kes.FunctionPass(lambda x: x, 1.0, 1.0)
     with pytest.raises(InputError, match=r"y\[0\] = inf"):
         kes.FunctionPass(lambda x: 1 / x if x else math.inf, 0.0, 1.0)
+
+
+def test_a_rule_that_fits_only_half_of_the_points_is_not_chosen():
+    """A power law through every other point, and one point at zero that no power law goes through."""
+    strain = np.linspace(0.0, 0.3, 13)
+    force = 100.0 * strain**3
+    for at in range(1, 13):
+        bent = force.copy()
+        bent[at] = -1e-9
+        found = kes.tension(strain, bent, max_force=0.5)
+        assert "EMT" in found
