@@ -40,7 +40,7 @@ WALE = np.array([
 COTTON = Fabric(
     1.4993e-3, 1.2005e-3, 5.56e-3, 0.2793e-3, 5e-9, paper_k3(continuous=True), friction=0.2
 )
-COARSE = Resolution(32, 112)
+COARSE = Resolution(40, 160)
 CORE = Parameter("core_diameter", 0.5e-3, 0.8e-3, 0.66e-3)
 STIFFNESS = Parameter("core_stiffness", 3e5, 5e6, 1.5e6)
 TRUE = {"core_diameter": 0.68e-3, "core_stiffness": 1.2e6}
@@ -114,7 +114,7 @@ def test_forces_answer_to_inputs_as_the_hessian_says():
 
     state = tensile(rest.relaxed, "wale", [0.05, 0.1, strain]).y[-1]
     slope, found = Sensitivity(rest, INPUTS, resolution).of_force(state, 3, (0,))
-    step = 1e-3
+    step = 2e-4
     low, high = (force_at(rest.relaxed, f * length) for f in (1 - step, 1 + step))
     assert slope == pytest.approx((high - low) / (2 * step * length), rel=1e-3)
     for i, name in enumerate(INPUTS):
@@ -176,8 +176,6 @@ def test_a_fabric_found_from_another_is_that_from_a_cold_start():
 
 def test_a_yarn_too_bulky_for_a_cold_start_is_reached_from_a_thinner_one():
     bulky = varied(ACRYLIC, {"core_diameter": 0.73e-3})
-    with pytest.raises(ComputationError):
-        relax(bulky, COARSE)
     relaxed = States(COARSE).rest(bulky).relaxed
     assert relaxed.crossings_intact
     assert relaxed.min_distance * 1.48e-3 > 0.73e-3
@@ -317,11 +315,11 @@ def test_one_wild_point_moves_the_fit_little(two_strains):
 
 def test_failed_trials_are_noted_and_the_fit_goes_on(two_strains):
     # Thicker yarns have no room in a loop of this length: there the search starts.
-    free = [Parameter("diameter", 1.35e-3, 1.6e-3, 1.58e-3)]
+    free = [Parameter("diameter", 1.35e-3, 3.1e-3, 3.0e-3)]
     curve = tension("wale", "wale", FORCES, two_strains)
     found = fit(Problem(TWO, free, [curve], resolution=COARSE), profile=False)
     assert found.values[0] == pytest.approx(1.48e-3, rel=2e-3)
-    assert "diameter = 0.00158: " in found.notes[0]
+    assert "diameter = 0.003: " in found.notes[0]
 
 
 @pytest.mark.slow
@@ -334,7 +332,7 @@ def test_a_fabric_without_equilibrium_is_a_failed_trial(two_strains):
 
 
 def test_no_start_at_all_is_an_error():
-    free = [Parameter("diameter", 1.55e-3, 1.6e-3, 1.58e-3)]
+    free = [Parameter("diameter", 2.9e-3, 3.1e-3, 3.0e-3)]
     with pytest.raises(ComputationError, match="no start within the bounds"):
         fit(Problem(TWO, free, [wale_curve()], resolution=COARSE))
 

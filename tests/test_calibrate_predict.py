@@ -17,7 +17,7 @@ from knitsim.inference.predict import Predictor
 from knitsim.inference.sensitivity import sensitivity_table, standard_results
 from knitsim.yarn.law import TensionLaw
 
-COARSE = Resolution(32, 112)
+COARSE = Resolution(40, 160)
 ACRYLIC = Fabric(
     2.86e-3, 2.07e-3, 11.28e-3, 1.48e-3, 0.045e-6, TensionLaw([0.0, 0.02], [0.0, 100.0]),
     contact=CoreContact(0.65e-3, 0.0012e9, 2.4),

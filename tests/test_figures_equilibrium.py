@@ -141,7 +141,8 @@ def test_curves_are_those_of_the_file_from_the_state_at_rest(direction, letters,
             ((x, y),) = lines(ax, color=colours[name], linestyle="-")
             assert x == pytest.approx(100.0 * curve.strain.values[up])
             assert y == pytest.approx(values.sel(variant=name).values[up])
-            assert (x[0], y[0]) == pytest.approx((0.0, start), abs=1e-5)
+            # The state at rest alone may be solved more finely than a test.
+            assert (x[0], y[0]) == pytest.approx((0.0, start), abs=2e-3)
         (back,) = lines(ax, color=colours["friction"], linestyle="--")
         assert back[0, -1] == pytest.approx(100.0 * float(curve.strain[-1]))
 
@@ -176,7 +177,7 @@ def test_energies_stack_up_to_the_work_done(datasets, figures):
         top = ax.collections[-1].get_paths()[0].vertices[:, 1].max()
         assert top == pytest.approx(total.max())
         ((path, work),) = lines(ax, color="black", linestyle=":")
-        assert work == pytest.approx(at_rest + curve.work.values[reached], rel=1e-6)
+        assert work == pytest.approx(at_rest + curve.work.values[reached], rel=1e-5)
         # Out and back the axis goes on.
         turns = np.abs(np.diff([0.0, *100.0 * curve.strain.values[reached]]))
         assert path == pytest.approx(np.cumsum(turns))

@@ -157,7 +157,7 @@ def test_hysteresis_of_the_yarn_counts_where_there_is_friction(tested):
     lagging = fabric.with_value("yarn.bending_hysteresis_mN_mm", 0.7)
     for friction, lag in ((True, 0.7e-6), (False, 0.0)):
         choice = {"friction": friction, "set": 0.2}
-        relaxed = bending._relaxed(
+        relaxed = bending.relaxed_for(
             lagging, laws["continuous"], choice, settings_of(lagging).resolution
         )
         built = relaxed.model.fabric

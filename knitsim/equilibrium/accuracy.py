@@ -32,7 +32,7 @@ MOST_DENSE = 4.0  # contact points a test may end with, over those it began with
 SHARE = 0.5  # of the error asked for that is left to the increments, with friction
 HALVINGS = 5  # of the increment, at most
 LOOSEST, TIGHTEST = 0.5, 1e-6  # accuracies that may be asked for
-NEAR = 0.02  # of strain: how far the ends of two ways back may lie apart
+NEAR = 0.05  # of strain: how far the ends of two ways to a force may lie apart
 
 
 def resolution_at(fabric, rung, like):
@@ -236,11 +236,21 @@ def _at(one, curve):
             continue
         theirs = theirs[np.argsort(one.place[theirs])]
         place, low, high = curve.place[mine], one.place[theirs[0]], one.place[theirs[-1]]
-        # The end of a way back to no force lies elsewhere by what the residual strain is off.
+        # A way to a force ends elsewhere by what its strain there is off.
         reached = (place >= low - NEAR) & (place <= high + NEAR)
-        at = np.interp(place, one.place[theirs], one.value[theirs])
+        at = _onward(place, one.place[theirs], one.value[theirs])
         values[mine] = np.where(reached, at, np.nan)
     return values
+
+
+def _onward(x, places, values):
+    """Values at x, interpolated linearly; beyond the ends on the straight lines that end there."""
+    at = np.interp(x, places, values)
+    for end, inner in ((0, 1), (-1, -2)) if len(places) > 1 else ():
+        beyond = x < places[0] if end == 0 else x > places[-1]
+        slope = (values[end] - values[inner]) / (places[end] - places[inner])
+        at = np.where(beyond, values[end] + slope * (x - places[end]), at)
+    return at
 
 
 def scale_of(values):

@@ -22,6 +22,7 @@ from knitsim.study.measured_keys import PARAMETERS
 
 _BESIDE = ("wale_spacing", "course_spacing", "bending_hysteresis")
 # Widest split of a change of inputs, and how much thinner a yarn is taken that has no start itself.
+PRESSED = 2.0  # contact points of a fabric that is fitted, over those at rest
 _PARTS = (1, 2, 4, 8, 16)
 _THINNER = (0.9, 0.8, 0.7)
 DIFFERENCE = 1e-5  # relative change of an input for dg/dp at a fixed shape
@@ -167,11 +168,16 @@ def _held(model, start):
 
 
 def common_resolution(fabrics, resolution=None):
-    """The resolution with the contact points that the most demanding of the fabrics needs."""
+    """The resolution with the contact points that the most demanding of the fabrics needs.
+
+    More than at rest, for all loads of a test alike: a curve whose contact points change with an input
+    would not change smoothly with it.
+    """
     resolution = Resolution() if resolution is None else resolution
     if resolution.contacts is not None:
         return resolution
-    return replace(resolution, contacts=max(resolution.contacts_for(f) for f in fabrics))
+    most = PRESSED * max(resolution.contacts_for(f) for f in fabrics)
+    return replace(resolution, contacts=4 * int(np.ceil(most / 4.0)))
 
 
 class Sensitivity:

@@ -178,7 +178,7 @@ class Sheared(Tested):
     """
 
     KIND, STAGE = "shear", shearing.STAGE
-    SUMMARY = "Shear in the plane of the fabric under tension along the wale; the force is that along the course."
+    SUMMARY = "Shear in the plane under tension along the wale; the force is that along the course."
 
     def __init__(self, rest: Rest, fabric: Fabric) -> None:
         test = fabric.scene[self.STAGE]

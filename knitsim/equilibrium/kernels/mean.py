@@ -21,7 +21,7 @@ import math
 from knitsim.equilibrium.contact import CORE
 from knitsim.jit import choose, njit
 
-THIN = 2e-3  # of d^2, d - core: no cell is thinner, in a direction in which the distance does not change
+THIN = 1e-3  # of d^2, d - core: no cell is thinner, in a direction in which the distance does not change
 SERIES = 0.2  # up to here integrals are summed as power series, whose terms cancel nothing
 
 
