@@ -47,19 +47,26 @@ def test_a_loop_that_cannot_be_drawn_leaves_out_its_kinematic_tests(tmp_path, ca
     files = [tmp_path / f"{stage}.nc" for stage, _ in tests]
     run(fabric, tests, files, tmp_path / "t.csv", yarn=yarn)
     reasons = {about["kind"]: why for about, why in stopped(files)}
-    assert set(reasons) == {"loop", "tensile"} and "brings centre lines as close as" in reasons["loop"]
+    assert (
+        set(reasons) == {"loop", "tensile"} and "brings centre lines as close as" in reasons["loop"]
+    )
     with xr.open_dataset(files[3]) as pulled:
         assert np.isfinite(pulled["force_per_width"].values).all()
         assert pulled["force_per_width"].values.max() > 0
     rows = [row for row in skipped([fabric]) if row["skipped"] == "kinematic tests of f1"]
-    assert len(rows) == 1 and rows[0]["because"] == reasons["loop"] and rows[0]["tests"] == "kinematic_tension"
+    assert (
+        len(rows) == 1
+        and rows[0]["because"] == reasons["loop"]
+        and rows[0]["tests"] == "kinematic_tension"
+    )
     # A figure of what was left out says so.
     figure = next(one for one in FIGURES if "loop" in one.needs)
     others = {name: files[2] for name in figure.needs}
     draw([figure], others | {"loop": files[0]}, {figure.name: tmp_path / "figure"})
-    assert "close as" in re.sub(r"\s+", " ", (tmp_path / "figure.svg").read_text()) or (
-        tmp_path / "figure.png"
-    ).exists()
+    assert (
+        "close as" in re.sub(r"\s+", " ", (tmp_path / "figure.svg").read_text())
+        or (tmp_path / "figure.png").exists()
+    )
 
 
 def test_where_only_the_drawn_loop_is_tested_the_study_is_refused(tmp_path):
@@ -69,7 +76,9 @@ def test_where_only_the_drawn_loop_is_tested_the_study_is_refused(tmp_path):
 
 
 def test_a_yarn_whose_fibres_cannot_be_drawn_keeps_its_law(tmp_path, capsys):
-    study = study_of(tmp_path, f"f1: {{yarn: y1, scene: both, {JERSEY}}}\n", "count_Ne: 30, fibres: 2000")
+    study = study_of(
+        tmp_path, f"f1: {{yarn: y1, scene: both, {JERSEY}}}\n", "count_Ne: 30, fibres: 2000"
+    )
     check_study(study)
     assert "the yarn y1 is not simulated" in capsys.readouterr().err
     yarn, rest = tmp_path / "yarn.nc", tmp_path / "rest.nc"
