@@ -1,0 +1,110 @@
+"""What the model says of a fabric's tests, as one row of numbers for each set of inputs.
+
+Strain along and across the pull at given forces per width, along course and wale, on first loading from
+the fabric at rest, and the spacings at rest.  With friction the path is that: a fabric that lay slack and
+was never pulled before.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from knitsim.equilibrium.pull import tensile
+from knitsim.errors import ComputationError, InputError
+from knitsim.inference.continuation import States, common_resolution
+from knitsim.inference.curve_points import Pull, strains_for
+from knitsim.inference.inputs import fabric_at
+
+QUANTITIES = ("strain", "lateral_strain")
+SMALLEST = 0.01  # strain of the first solved state, about
+INCREMENT = 0.05  # of strain, with friction
+_FAILURES = (ComputationError, InputError)
+
+
+@dataclass(frozen=True)
+class Place:
+    """One number of a row: test ("course", "wale" or "rest"), quantity ("strain", "lateral_strain", or
+    "wale_spacing", "course_spacing" of the fabric at rest), at: force per width (N/m), 0 at rest."""
+
+    test: str
+    quantity: str
+    at: float
+
+
+def places_of(forces):
+    """All places of a row; forces: {"course" or "wale": (n,) N/m, rising}."""
+    rest = [Place("rest", f"{name}_spacing", 0.0) for name in ("wale", "course")]
+    return tuple(rest) + tuple(
+        Place(test, quantity, float(force))
+        for test, own in forces.items() for quantity in QUANTITIES for force in own
+    )  # fmt: skip
+
+
+class Forward:
+    """The model as a function of the standard normal numbers of its uncertain inputs.
+
+    fabric: with all other inputs; inputs: :class:`knitsim.inference.inputs.Input`; forces: {direction:
+    (n,) N/m}; resolution: of all; states: solved ones up to the strain ``even``; increment: of strain.
+    Rows do not depend on the order in which they are asked for.
+    """
+
+    def __init__(self, fabric, inputs, forces, resolution=None, *, states=12, even=None,
+                 increment=INCREMENT):  # fmt: skip
+        self.fabric, self.inputs = fabric, tuple(inputs)
+        self.forces = {name: np.asarray(own, dtype=float) for name, own in forces.items()}
+        self.places = places_of(self.forces)
+        self.states_count, self.increment = states, increment
+        self.even = {"course": 0.5, "wale": 0.3} | (even or {})
+        self.resolution = common_resolution(self._corners(), resolution)
+        self.base = None
+
+    def _corners(self):
+        """Fabrics at two standard deviations of each input, for contact points that suit all."""
+        found = [self.fabric]
+        for k in range(len(self.inputs)):
+            for way in (-2.0, 2.0):
+                z = np.zeros(len(self.inputs))
+                z[k] = way
+                try:
+                    found.append(fabric_at(self.fabric, self.inputs, z))
+                except InputError:
+                    continue
+        return found
+
+    def rest(self, z):
+        """The fabric at rest at z (inputs,), a knitsim.inference.continuation.Rest."""
+        states = States(self.resolution)
+        if self.base is None:
+            states.rest(fabric_at(self.fabric, self.inputs, np.zeros(len(self.inputs))))
+            self.base = states.last
+        states.last = self.base
+        return states.rest(fabric_at(self.fabric, self.inputs, z))
+
+    def row(self, z):
+        """(Values (places,), "") or (None, why not) at z (inputs,)."""
+        try:
+            rest = self.rest(np.asarray(z, dtype=float)).relaxed
+            values = [rest.wale_spacing, rest.course_spacing]
+            for direction, forces in self.forces.items():
+                values.extend(self._pulled(rest, direction, forces))
+        except _FAILURES as error:
+            return None, str(error)
+        values = np.array(values)
+        if not np.isfinite(values).all():
+            return None, "a force was not reached"
+        return values, ""
+
+    def _pulled(self, rest, direction, forces):
+        curve = tensile(
+            rest, direction, strains_for(SMALLEST, self.even[direction], self.states_count),
+            to_force=float(forces[-1]), increment=self.increment,
+        )  # fmt: skip
+        if curve.stop_reason:
+            raise ComputationError(f"{direction} tension: {curve.stop_reason}")
+        pulled = Pull(
+            curve, rest, np.append(0.0, curve.strain), np.append(0.0, curve.force_per_width),
+            np.append(0, curve.phase),
+        )  # fmt: skip
+        strain = pulled.strain_at(forces)
+        across = np.interp(strain, pulled.strain, np.append(0.0, curve.transverse_strain))
+        return np.concatenate([strain, across])
