@@ -12,7 +12,6 @@ from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
-from knitsim.inference import calibrate
 from knitsim.inference.calibrate import Parameter, Problem, fit
 from knitsim.inference.continuation import Sensitivity, States, value_of, varied
 from knitsim.inference.curve_points import (
@@ -395,5 +394,5 @@ def test_a_curve_without_a_point_that_says_something_is_refused():
 
 def test_relative_misfit_divides_by_no_less_than_a_part_of_the_largest():
     curve = tension("t", "wale", [1.0, 100.0], [1e-4, 0.3])
-    divisor = calibrate._Trials(Problem(ACRYLIC, [CORE], [curve])).divisor[0]
+    divisor = trials.Trials(Problem(ACRYLIC, [CORE], [curve])).divisor[0]
     np.testing.assert_allclose(divisor, [0.05 * 0.3, 0.3])

@@ -5,19 +5,23 @@ the fabric at rest, and the spacings at rest.  With friction the path is that: a
 was never pulled before.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.pull import tensile
 from knitsim.errors import ComputationError, InputError
 from knitsim.inference.continuation import States, common_resolution
 from knitsim.inference.curve_points import Pull, strains_for
 from knitsim.inference.inputs import fabric_at
+from knitsim.measured.test import from_pretension
 
 QUANTITIES = ("strain", "lateral_strain")
 SMALLEST = 0.01  # strain of the first solved state, about
 INCREMENT = 0.05  # of strain, with friction
+POINTS = 40
+DENSER = (1, 2)  # contact points, where yarns are pressed closer together than the fewer can tell
 _FAILURES = (ComputationError, InputError)
 
 
@@ -44,19 +48,22 @@ class Forward:
     """The model as a function of the standard normal numbers of its uncertain inputs.
 
     fabric: with all other inputs; inputs: :class:`knitsim.inference.inputs.Input`; forces: {direction:
-    (n,) N/m}; resolution: of all; states: solved ones up to the strain ``even``; increment: of strain.
+    (n,) N/m}; resolution: of all; pretension: {direction: N/m} from which strain counts, from rest
+    without; states: solved ones up to the strain ``even``; increment: of strain, with friction.
     Rows do not depend on the order in which they are asked for.
     """
 
-    def __init__(self, fabric, inputs, forces, resolution=None, *, states=12, even=None,
-                 increment=INCREMENT):  # fmt: skip
+    def __init__(
+        self, fabric, inputs, forces, resolution=None, *, pretension=None, states=12, even=None,
+        increment=INCREMENT,
+    ):  # fmt: skip
         self.fabric, self.inputs = fabric, tuple(inputs)
         self.forces = {name: np.asarray(own, dtype=float) for name, own in forces.items()}
-        self.places = places_of(self.forces)
+        self.places, self.pretension = places_of(self.forces), pretension or {}
         self.states_count, self.increment = states, increment
         self.even = {"course": 0.5, "wale": 0.3} | (even or {})
-        self.resolution = common_resolution(self._corners(), resolution)
-        self.base = None
+        self.resolution = common_resolution(self._corners(), resolution or Resolution(POINTS))
+        self.bases = {}
 
     def _corners(self):
         """Fabrics at two standard deviations of each input, for contact points that suit all."""
@@ -71,19 +78,27 @@ class Forward:
                     continue
         return found
 
-    def rest(self, z):
-        """The fabric at rest at z (inputs,), a knitsim.inference.continuation.Rest."""
-        states = States(self.resolution)
-        if self.base is None:
+    def rest(self, z, denser=1):
+        """The fabric at rest at z (inputs,), a knitsim.inference.continuation.Rest; denser: how many
+        times as many contact points."""
+        states = States(replace(self.resolution, contacts=denser * self.resolution.contacts))
+        if denser not in self.bases:
             states.rest(fabric_at(self.fabric, self.inputs, np.zeros(len(self.inputs))))
-            self.base = states.last
-        states.last = self.base
+            self.bases[denser] = states.last
+        states.last = self.bases[denser]
         return states.rest(fabric_at(self.fabric, self.inputs, z))
 
     def row(self, z):
         """(Values (places,), "") or (None, why not) at z (inputs,)."""
+        for denser in DENSER:
+            values, why = self._row(np.asarray(z, dtype=float), denser)
+            if values is not None:
+                break
+        return values, why
+
+    def _row(self, z, denser):
         try:
-            rest = self.rest(np.asarray(z, dtype=float)).relaxed
+            rest = self.rest(z, denser).relaxed
             values = [rest.wale_spacing, rest.course_spacing]
             for direction, forces in self.forces.items():
                 values.extend(self._pulled(rest, direction, forces))
@@ -105,6 +120,6 @@ class Forward:
             curve, rest, np.append(0.0, curve.strain), np.append(0.0, curve.force_per_width),
             np.append(0, curve.phase),
         )  # fmt: skip
-        strain = pulled.strain_at(forces)
+        strain = pulled.strain_at(np.append(forces, self.pretension.get(direction, 0.0)))
         across = np.interp(strain, pulled.strain, np.append(0.0, curve.transverse_strain))
-        return np.concatenate([strain, across])
+        return np.concatenate([from_pretension(own[:-1], own[-1]) for own in (strain, across)])

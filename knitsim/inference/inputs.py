@@ -69,7 +69,9 @@ class Input:
         if not all(map(math.isfinite, pair)):
             raise InputError(f"{self.name}: {self.kind}", pair, "must be finite")
         if self.kind == "tolerance" and not (self.first > 0 and self.second > 0):
-            raise InputError(f"{self.name}: tolerance", self.second, "must be above 0, of a value above 0")
+            raise InputError(
+                f"{self.name}: tolerance", self.second, "must be above 0, of a value above 0"
+            )
         if self.kind != "tolerance" and not self.first < self.second:
             raise InputError(f"{self.name}: range", pair, "must be [lowest, highest]")
         if self.kind == "log_range" and not self.first > 0:

@@ -7,7 +7,7 @@ import re
 import sys
 from pathlib import Path
 
-from knitsim.study.measured_checks import config_of, names_of
+from knitsim.study.measured_checks import config_of, inferred_of, names_of
 from knitsim.study.study import load_study
 from knitsim.errors import InputError
 from knitsim.figures import catalogue

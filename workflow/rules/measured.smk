@@ -59,6 +59,7 @@ for target, on_request in (("", False), ("_all", None)):
         # The first measured fabric carries the plain names.
         suffix, fits = (f"_{fabric}" if number else "") + target, calibrated(fabric, on_request)
         names = ["measured", "fitted"] if len(fits) > 1 else ["measured"]
+        names += ["inferred"] if inferred_of(STUDY.fabrics[fabric], on_request) else []
         outputs = drawn(catalogue.drawable("measured", "fabric", names), suffix)
         ALL_MEASURED_FIGURES += outputs if target else []
         MEASURED_OUTPUT += [] if target else outputs
