@@ -12,6 +12,7 @@ from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
+from knitsim.inference import trials
 from knitsim.inference.calibrate import Parameter, Problem, fit
 from knitsim.inference.continuation import Sensitivity, States, value_of, varied
 from knitsim.inference.curve_points import (
