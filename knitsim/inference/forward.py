@@ -14,6 +14,7 @@ from knitsim.equilibrium.pull import tensile
 from knitsim.errors import ComputationError, InputError
 from knitsim.inference.continuation import States, common_resolution
 from knitsim.inference.curve_points import Pull, strains_for
+from knitsim.inference.emulator import told
 from knitsim.inference.inputs import fabric_at
 from knitsim.measured.test import from_pretension
 
@@ -21,6 +22,7 @@ QUANTITIES = ("strain", "lateral_strain")
 SMALLEST = 0.01  # strain of the first solved state, about
 INCREMENT = 0.05  # of strain, with friction
 POINTS = 40
+STEP = 0.5  # standard deviations, of differences
 DENSER = (1, 2)  # contact points, where yarns are pressed closer together than the fewer can tell
 _FAILURES = (ComputationError, InputError)
 
@@ -89,7 +91,7 @@ class Forward:
         return states.rest(fabric_at(self.fabric, self.inputs, z))
 
     def row(self, z):
-        """(Values (places,), "") or (None, why not) at z (inputs,)."""
+        """(Values (places,), "") or (None, why not) at z (inputs,); NaN at forces that are not reached."""
         for denser in DENSER:
             values, why = self._row(np.asarray(z, dtype=float), denser)
             if values is not None:
@@ -104,18 +106,13 @@ class Forward:
                 values.extend(self._pulled(rest, direction, forces))
         except _FAILURES as error:
             return None, str(error)
-        values = np.array(values)
-        if not np.isfinite(values).all():
-            return None, "a force was not reached"
-        return values, ""
+        return np.array(values), ""
 
     def _pulled(self, rest, direction, forces):
         curve = tensile(
             rest, direction, strains_for(SMALLEST, self.even[direction], self.states_count),
             to_force=float(forces[-1]), increment=self.increment,
         )  # fmt: skip
-        if curve.stop_reason:
-            raise ComputationError(f"{direction} tension: {curve.stop_reason}")
         pulled = Pull(
             curve, rest, np.append(0.0, curve.strain), np.append(0.0, curve.force_per_width),
             np.append(0, curve.phase),
@@ -123,3 +120,44 @@ class Forward:
         strain = pulled.strain_at(np.append(forces, self.pretension.get(direction, 0.0)))
         across = np.interp(strain, pulled.strain, np.append(0.0, curve.transverse_strain))
         return np.concatenate([from_pretension(own[:-1], own[-1]) for own in (strain, across)])
+
+
+class Linearised:
+    """The model about one z (inputs,), told in the scale of comparison: row(z) + J (z - z0).
+
+    J from differences of solved rows, one for each input, STEP standard deviations towards the middle of
+    its distribution.  covariance: of its own errors; none, the rows themselves are solved.  Raises
+    ComputationError where the row at z has no equilibrium or does not reach all forces.
+    """
+
+    def __init__(self, forward, z):
+        self.inputs, self.places, self.z = forward.inputs, forward.places, np.array(z, dtype=float)
+        self.row, self.solved = self._told(forward, self.z, needed=True), 1
+        self.jacobian = np.zeros((len(self.places), len(self.z)))
+        for k in range(len(self.z)):
+            way = -STEP if self.z[k] > 0.0 else STEP
+            for step in (way, -way):
+                moved = self.z.copy()
+                moved[k] += step
+                other = self._told(forward, moved)
+                self.solved += 1
+                if other is not None and np.isfinite(other).all():
+                    self.jacobian[:, k] = (other - self.row) / step
+                    break
+        self.covariance = np.zeros((len(self.places),) * 2)
+
+    def _told(self, forward, z, needed=False):
+        row, why = forward.row(z)
+        if row is None or not np.isfinite(row).all():
+            if needed:
+                raise ComputationError(f"no row to begin from: {why or 'a force was not reached'}")
+            return None
+        return told(self.places, row)
+
+    def rows(self, z):
+        """Rows (n, places) at z (n, inputs)."""
+        return self.row + (np.atleast_2d(z) - self.z) @ self.jacobian.T
+
+    def slopes(self, z):
+        """Derivatives (places, inputs)."""
+        return self.jacobian

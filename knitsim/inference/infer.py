@@ -5,12 +5,12 @@
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from knitsim.errors import ComputationError, InputError
-from knitsim.inference.emulator import Emulator
+from knitsim.inference.emulator import RUBBING, Emulator
 from knitsim.inference.forward import QUANTITIES, Forward
 from knitsim.inference.inputs import draws
 from knitsim.inference.posterior import (
@@ -26,7 +26,8 @@ from knitsim.inference.posterior import (
 )
 from knitsim.inference.scores import score
 
-FABRICS = 160  # solved for the emulator
+FABRICS = 128  # solved for the emulator
+RUBBED, LEAST_RUBBED = 0.3, 30  # part of them solved with friction as well
 SEED = 20
 STATES = 14  # forces of a row
 LEAST_FORCE = 0.02  # of the largest: below it no strain is told
@@ -79,22 +80,36 @@ def emulated(
 ):  # fmt: skip
     """(Emulator, failures) of a fabric from ``count`` solved ones, drawn from their distribution.
 
-    Draws without an equilibrium are left out: the distribution is that of fabrics which can be.
+    With uncertain friction they are solved without it, and a part of them again with it.  Draws without an
+    equilibrium are left out: the distribution is that of fabrics which can be.
     """
-    forward = Forward(fabric, inputs, forces, resolution, pretension=pretension)
-    z, rows, failed = [], [], []
-    for k, one in enumerate(draws(inputs, count, seed)):
-        row, why = forward.row(one)
+    names = [i.name for i in inputs]
+    rubs = "friction" in names
+    own = [k for k, name in enumerate(names) if not (rubs and name in RUBBING)]
+    z = draws(inputs, count, seed)
+    base = replace(fabric, friction=0.0) if rubs else fabric
+    plain = Forward(base, [inputs[k] for k in own], forces, resolution, pretension=pretension)
+    again = Forward(fabric, inputs, forces, plain.resolution, pretension=pretension)
+    many = max(math.ceil(RUBBED * count), LEAST_RUBBED) if rubs else 0
+    kept, rows, number, rubbed, failed = [], [], [], [], []
+    for k, one in enumerate(z):
+        row, why = plain.row(one[own])
         if row is None:
             failed.append(why)
         else:
-            z.append(one)
+            if len(number) < many:
+                more, why = again.row(one)
+                if more is not None:
+                    number.append(len(rows))
+                    rubbed.append(more)
+            kept.append(one)
             rows.append(row)
         if progress:
             progress(k + 1, count)
     if not rows:
         raise ComputationError(f"none of {count} fabrics drawn has an equilibrium: {failed[0]}")
-    return Emulator(inputs, forward.places, np.array(z), np.array(rows)), tuple(failed)
+    both = (np.array(number), np.array(rubbed)) if rubs else None
+    return Emulator(inputs, plain.places, np.array(kept), np.array(rows), both), tuple(failed)
 
 
 def blocks_for(fabric, places, tests, use=("strain", "rest")):
@@ -114,7 +129,7 @@ def learned(fabric, emulator, tests, use=("strain", "rest"), forces=None, failed
     """The :class:`Inferred` of measured tests."""
     posterior = Posterior(emulator, blocks_for(fabric, emulator.places, tests, use))
     k = posterior.draws(1000, seed)[2]
-    solved = len(emulator.left_out)
+    solved = emulator.solved
     prior = Posterior(emulator)
     return Inferred(emulator.inputs, emulator, prior, posterior, forces, failed, solved, k)
 

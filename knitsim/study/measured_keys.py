@@ -207,7 +207,7 @@ CALIBRATIONS = Section(
             "stated spacings at rest.", choices=("strain", "lateral_strain", "rest"),
             default=("strain", "rest")),
         Key("fabrics", "fabrics", "integer", "Without free parameters: how many fabrics, drawn from what "
-            "is known of the inputs, are solved.", allowed="[40, 4096]", default=160),
+            "is known of the inputs, are solved.", allowed="[40, 4096]", default=128),
         Key("residual", "residual", "choice", "strain: at given force. force: at given strain.",
             choices=("strain", "force"), default="strain"),
         Key("misfit", "misfit", "choice", "relative: over the measured value. absolute: all points "
