@@ -47,10 +47,10 @@ def test_a_band_without_width_is_no_band():
 def test_measured_strain_is_counted_from_the_pretension_of_the_prediction():
     strain, force = np.array([0.1, 0.2, 0.3]), [10.0, 20.0, 40.0]
     one = tension("wale", "wale", force, strain, low=strain - 0.01, high=strain + 0.02)
-    assert stage._shifted(one, 0.0) is one
+    assert stage.shifted(one, 0.0) is one
     # 30 N/m lies half way from 0.2 to 0.3; 5 N/m half way from rest to the first point.
     for pretension, zero in ((30.0, 0.25), (5.0, 0.05)):
-        shifted = stage._shifted(one, pretension)
+        shifted = stage.shifted(one, pretension)
         assert shifted["strain"] == pytest.approx((1.0 + strain) / (1.0 + zero) - 1.0)
         assert shifted["strain_high"] == pytest.approx((1.02 + strain) / (1.0 + zero) - 1.0)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from knitsim.store.results import DIRECTIONS, RESULTS, path_of
 
-# Result files, by the name of the argument that takes them: their stage and labels.  The last two stand
+# Result files, by the name of the argument that takes them: their stage and labels.  The last three stand
 # for all calibrations of a fabric, a mapping by name.
 FILES = {
     "yarn": ("yarn", {}),
@@ -27,6 +27,7 @@ FILES = {
     "verification": ("verification", {}),
     "measured": ("calibration", {}),
     "fitted": ("calibration", {}),
+    "inferred": ("calibration", {}),
 }  # fmt: skip
 
 
@@ -207,6 +208,11 @@ FIGURES = (
     Figure(
         "fig32_misfit_profile", "measured", "measured", "fabric", ("fitted",),
         "Misfit along each calibrated parameter, the others fitted again at every point.",
+    ),
+    Figure(
+        "fig34_prediction_bands", "measured", "inferred", "fabric", ("inferred",),
+        "Every measured tension test beside its prediction with all inputs uncertain: median, the bands"
+        " that hold 50 and 95 %, and behind them what was known before any curve was measured.",
     ),
 )  # fmt: skip
 

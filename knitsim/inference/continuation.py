@@ -20,7 +20,7 @@ from knitsim.equilibrium.relax import Relaxed, relax, settle
 from knitsim.errors import ComputationError, InputError
 from knitsim.study.measured_keys import PARAMETERS
 
-_BESIDE = ("wale_spacing", "course_spacing", "bending_hysteresis")
+_BESIDE = ("wale_spacing", "course_spacing", "bending_hysteresis", "tangential_ratio")
 # Widest split of a change of inputs, and how much thinner a yarn is taken that has no start itself.
 PRESSED = 2.0  # contact points of a fabric that is fitted, over those at rest
 _PARTS = (1, 2, 4, 8, 16)

@@ -6,10 +6,11 @@ import xarray as xr
 from knitsim.equilibrium.bend import TIGHTEST
 from knitsim.errors import ComputationError, InputError
 from knitsim.inference.bending_points import BendingPoints
-from knitsim.inference.calibrate import FLOOR, Parameter, Problem, fit
+from knitsim.inference.calibrate import Parameter, Problem, fit
 from knitsim.inference.continuation import value_of
 from knitsim.inference.curve_points import pull_of, tension_points
 from knitsim.inference.predict import Predictor
+from knitsim.inference.trials import FLOOR
 from knitsim.measured.read import measured_test
 from knitsim.measured.test import zero_at
 from knitsim.stages.described import describe_stage
@@ -42,13 +43,13 @@ def asked_of(fabric, measured):
         top = max([KNIT_FORCE, *largest])
     states = wanted.get("states", _default("states"))
     curvature = wanted.get("max_curvature", to_si(_default("max_curvature_per_cm"), "per_cm"))
-    zero = list(_pretensions(measured).values())
+    zero = list(pretensions_of(measured).values())
     forces = np.union1d(top * np.arange(1, states + 1) / states, zero)
     half = max(2, states // 4)
     return forces, curvature * np.arange(1, half + 1) / half if curvature else np.zeros(0)
 
 
-def _pretensions(measured):
+def pretensions_of(measured):
     """{direction: pretension (N/m)} from which its strain is predicted: the largest of its curves."""
     found = {}
     for one in measured.values():
@@ -124,7 +125,7 @@ def _fit_dataset(found):
     return xr.Dataset(data, coords)
 
 
-def _curve_dataset(measured, models, fitted, pretensions):
+def curve_dataset(measured, models, fitted, pretensions):
     """The measured curves beside the model's values at their points.
 
     measured: {name: MeasuredTest}, of tension as fits see it; models: {name: (value, low, high), (n,)
@@ -157,8 +158,8 @@ def _curve_dataset(measured, models, fitted, pretensions):
             given, weight = one["strain"], one.weight
             phase[k, own], numbers["pretension"][k] = one.phase, one.pretension
             data["measured_force_per_width"][k, own] = one["force_per_width"]
-            shifted = _shifted(one, pretensions.get(one.direction, 0.0))
-            for part, test in (("measured", one), ("shifted", shifted)):
+            counted = shifted(one, pretensions.get(one.direction, 0.0))
+            for part, test in (("measured", one), ("shifted", counted)):
                 data[f"{part}_strain"][k, own] = test["strain"]
                 if "lateral_strain" in test:
                     data[f"{part}_transverse_strain"][k, own] = test["lateral_strain"]
@@ -198,7 +199,7 @@ def _curve_dataset(measured, models, fitted, pretensions):
     return xr.Dataset(variables, {**coords, "sample": np.arange(shape[1])})
 
 
-def _shifted(test, pretension):
+def shifted(test, pretension):
     """A tension test with its strain counted from ``pretension`` (N/m), if that is above its own."""
     if pretension <= test.pretension:
         return test
@@ -311,6 +312,10 @@ def run(fabric, laws, name):
     laws: TensionLaw of its yarn by form.  Raises ComputationError where no fabric within the bounds
     reaches the measured points.
     """
+    if name != GIVEN and not fabric["calibrations"][name]["free"]:
+        from knitsim.stages.inference import run as run_inference
+
+        return run_inference(fabric, laws, name)
     timings = Timings(STAGE, fabric.name)
     measured = {key: measured_test(fabric, key) for key in fabric["measured"]}
     records = {key: test.record() for key, test in measured.items()}
@@ -332,8 +337,8 @@ def run(fabric, laws, name):
         models[key], more = _model_points(test, predictor)
         notes += more
     with timings.measure(f"{name}: prediction of all tests"):
-        predicted, more = _prediction_dataset(fabric, predictor, *asked, _pretensions(measured))
-    curves = _curve_dataset(measured, models, fitted, _pretensions(measured))
+        predicted, more = _prediction_dataset(fabric, predictor, *asked, pretensions_of(measured))
+    curves = curve_dataset(measured, models, fitted, pretensions_of(measured))
     dataset = xr.merge(
         [_fit_dataset(found), curves, predicted], join="exact",
     )  # fmt: skip

@@ -44,6 +44,15 @@ def names_of(fabric, on_request=None):
     ]  # fmt: skip
 
 
+def inferred_of(fabric, on_request=None):
+    """Those of :func:`names_of` that have no free parameters: every input is uncertain."""
+    return [
+        n
+        for n in names_of(fabric, on_request)
+        if n != GIVEN and not fabric["calibrations"][n]["free"]
+    ]
+
+
 def config_of(fabric, name):
     """What the result of one calibration depends on, as plain data; other calibrations do not matter.
 
@@ -143,6 +152,13 @@ def check_measured(fabric):
                 fabric.where(here), None,
                 "is the name of the prediction without calibration; take another one",
             )  # fmt: skip
+        for section in ("range", "tolerance"):
+            if entry["free"] and any(v is not None for v in (entry[section] or {}).values()):
+                raise InputError(
+                    fabric.where(f"{here}.{section}"), None,
+                    "is of a calibration without free parameters: take free or this away",
+                )  # fmt: skip
+        _check_uncertain(fabric, here, entry)
         if len(entry["free"]) > MOST_FREE:
             raise InputError(
                 fabric.where(f"{here}.free"), shown(", ".join(entry["free"])),
@@ -156,6 +172,34 @@ def check_measured(fabric):
                 )
         _check_free(fabric, here, entry)
         free_of(fabric, name)
+
+
+def _check_uncertain(fabric, here, entry):
+    ranges, tolerances = entry["range"] or {}, entry["tolerance"] or {}
+    for name, pair in ranges.items():
+        if pair is None:
+            continue
+        key = f"{here}.range.{key_name(name) if name in PARAMETERS else name}"
+        if len(pair) != 2 or not pair[0] <= pair[1]:
+            raise InputError(fabric.where(key), shown(list(pair)), "must be [lowest, highest]")
+        if tolerances.get(name) is not None:
+            raise InputError(
+                fabric.where(key), None, f"{name} has a tolerance as well: take one of them away"
+            )
+    for name in {n for n, v in (ranges | tolerances).items() if v is not None} & set(PARAMETERS):
+        why = meaningless(fabric.yarn, name)
+        if why:
+            raise InputError(fabric.where(here), name, f"{why} ({fabric.yarn.name})")
+
+
+def assumed_of(fabric):
+    """What the ledger says of inputs that nobody gave: {parameter: (low, high, because)}, SI."""
+    found = {}
+    for row in fabric.assumptions():
+        for name, one in PARAMETERS.items():
+            if row.path == one.key and row.low is not None and row.low < row.high:
+                found[name] = (*(_to_si(v, one.unit) for v in (row.low, row.high)), row.because)
+    return found
 
 
 def _check_free(fabric, here, entry):

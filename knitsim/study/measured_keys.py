@@ -92,6 +92,27 @@ def _bounds_key(name):
     )  # fmt: skip
 
 
+# Uncertain inputs beside the parameters: of yarns in contact, and a factor on the yarn's tension.
+UNCERTAIN = {
+    "tangential_ratio": "Stiffness of a contact along the yarns before they slide, over that across them "
+    "where they first touch.",
+    "stretch": "Factor on the tension of the yarn.",
+}
+
+
+def _range_key(name):
+    if name in PARAMETERS:
+        return _bounds_key(name)
+    return Key(
+        name, name, "numbers", f"{UNCERTAIN[name][:-1]}: [lowest, highest].", allowed="[0, 1e4]"
+    )
+
+
+def _tolerance_key(name):
+    about = PARAMETERS[name].about if name in PARAMETERS else UNCERTAIN[name]
+    return Key(f"{name}_percent", name, "number", about, unit="percent", allowed="[0, 1000]")
+
+
 # fmt: off
 # Where a measured curve stands, and what answers a question that its file leaves open.
 FILE_KEYS = (
@@ -162,11 +183,31 @@ CALIBRATIONS = Section(
             "or half to twice its value.",
             keys=Live(lambda: [_bounds_key(name) for name in PARAMETERS]),
         ),
+        Section(
+            name="range",
+            about="Without free parameters: inputs of which any value between these is as likely, evenly in "
+            "the logarithm where the ends lie tenfold apart; equal ends make an input certain. Else those of "
+            "the ledger.",
+            keys=Live(lambda: [_range_key(name) for name in (*PARAMETERS, *UNCERTAIN)]),
+        ),
+        Section(
+            name="tolerance",
+            about="Without free parameters: inputs known within so much of their value, two standard "
+            "deviations; 0 makes an input certain. Else that of its kind of measurement.",
+            keys=Live(lambda: [_tolerance_key(name) for name in (*PARAMETERS, *UNCERTAIN)]),
+        ),
     ),
     keys=(
         Key("fit", "fit", "words", "Measured curves to fit, by name.", default=REQUIRED),
         Key("free", "free", "choices", f"Free parameters, at most {MOST_FREE}; each starts from its "
-            "value.", choices=PARAMETERS, default=REQUIRED),
+            "value, all others hold as given. Without it every input is as uncertain as its `range` or "
+            "`tolerance` says, and the curves narrow them.", choices=PARAMETERS, default=(),
+            may_be_empty=True),
+        Key("use", "use", "choices", "Without free parameters: what counts of the measured tests, and the "
+            "stated spacings at rest.", choices=("strain", "lateral_strain", "rest"),
+            default=("strain", "rest")),
+        Key("fabrics", "fabrics", "integer", "Without free parameters: how many fabrics, drawn from what "
+            "is known of the inputs, are solved.", allowed="[40, 4096]", default=128),
         Key("residual", "residual", "choice", "strain: at given force. force: at given strain.",
             choices=("strain", "force"), default="strain"),
         Key("misfit", "misfit", "choice", "relative: over the measured value. absolute: all points "

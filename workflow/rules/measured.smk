@@ -41,6 +41,7 @@ for target, on_request in (("", False), ("_all", None)) if PLAN.measured else ()
         # The first measured fabric carries the plain names.
         fits = PLAN.calibrated(fabric, on_request)
         names = ["measured", "fitted"] if len(fits) > 1 else ["measured"]
+        names += ["inferred"] if inferred_of(STUDY.fabrics[fabric], on_request) else []
         figures = catalogue.drawable("measured", "fabric", names)
         suffix = (f"_{fabric}" if number else "") + target
         drawings.append(([results(fit) for fit in fits], names, suffix))

@@ -1,0 +1,83 @@
+"""Predictions with all inputs uncertain, beside the measured tests: a figure, a panel a test."""
+
+import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from knitsim.figures import panels, style
+from knitsim.figures.measured import FORCE
+from knitsim.units import from_si
+
+_ALPHA = {95: 0.22, 50: 0.45}
+_PRIOR = 0.25
+_ROWS = (("strain", "strain"), ("transverse_strain", "strain across"))
+
+
+def fig34_prediction_bands(inferred):
+    """Along and across the pull, a column for each measured tension test of the first such calibration."""
+    dataset = next(d for d in inferred.values() if "prior_strain_band" in d)
+    curves = np.flatnonzero(dataset.curve_test.values == "tension")
+    fig, axes = style.figure(height_mm=150.0, rows=2, columns=len(curves))
+    panels.heading(
+        fig, "predicted with all inputs uncertain, calibration "
+        + dataset.attrs["calibration"].replace("_", " "), 34, dataset,
+    )  # fmt: skip
+    for column, number in enumerate(curves):
+        one = dataset.isel(curve=number)
+        predicted = dataset.sel(direction=str(one.curve_direction.values))
+        for row, (quantity, words) in enumerate(_ROWS):
+            _panel(axes[row, column], one, predicted, quantity)
+            direction = str(one.curve_direction.values)
+            axes[row, column].set_xlabel(f"{words}, {direction} pull (%)")
+        axes[0, column].set_title(
+            f"({panels.LETTERS[column]}) {str(one.curve.values).replace('_', ' ')}, {one.curve_role.values}",
+            loc="left", fontsize=7,
+        )  # fmt: skip
+        for ax in axes[:, column]:
+            ax.set_ylabel("force per width (N/mm)" if column == 0 else "")
+    handles = {
+        "measured, band of the runs": Line2D([], [], linestyle="none", marker="o", markersize=3.2,
+                          markerfacecolor="none", color=style.BLACK),
+        "median": Line2D([], [], color=style.BLUE),
+        "50 %": Patch(color=style.BLUE, alpha=_ALPHA[50]),
+        "95 %": Patch(color=style.BLUE, alpha=_ALPHA[95]),
+        "95 % before any curve": Patch(color=style.GREY, alpha=_PRIOR),
+    }  # fmt: skip
+    panels.legend(fig, handles, ncols=5, note=f"Bands: {dataset.attrs['band_covers']}.")
+    return fig
+
+
+def _panel(ax, one, predicted, quantity):
+    force = from_si(predicted.predicted_force_per_width.values, FORCE)
+    own = np.isfinite(predicted[f"predicted_{quantity}"].values)
+
+    def fill(name, **look):
+        low, high = from_si(predicted[name].values.T, "percent")
+        ax.fill_betweenx(force[own], low[own], high[own], linewidth=0, **look)
+
+    fill(f"prior_{quantity}_band", color=style.GREY, alpha=_PRIOR)
+    fill(f"predicted_{quantity}_band", color=style.BLUE, alpha=_ALPHA[95])
+    fill(f"predicted_{quantity}_band_50", color=style.BLUE, alpha=_ALPHA[50])
+    middle = from_si(predicted[f"predicted_{quantity}"].values, "percent")
+    ax.plot(middle[own], force[own], color=style.BLUE)
+    strain = from_si(one[f"shifted_{quantity}"].values, "percent")
+    measured = from_si(one.measured_force_per_width.values, FORCE)
+    look = {"color": style.BLACK, "linestyle": "none", "zorder": 3.0}
+    if quantity == "strain":
+        low, high = (
+            from_si(one[f"shifted_strain_{end}"].values, "percent") for end in ("low", "high")
+        )
+        if np.isfinite(low).any():
+            ax.errorbar(
+                strain,
+                measured,
+                xerr=[strain - low, high - strain],
+                linewidth=0.6,
+                capsize=1.5,
+                **look,
+            )
+    ax.plot(strain, measured, marker="o", markersize=3.2, markerfacecolor="none", **look)
+    if not np.isfinite(strain).any():
+        ax.text(0.5, 0.5, "not measured", transform=ax.transAxes, ha="center", fontsize=7)
+    ax.set_ylim(bottom=0.0)
+    ax.grid(True)
