@@ -11,8 +11,8 @@ from knitsim.errors import InputError
 from knitsim.figures.catalogue import FIGURES
 from knitsim.figures.draw import draw
 from knitsim.stages.check import check_study
-from knitsim.stages.skipping import run as skipped
 from knitsim.stages.several import run
+from knitsim.stages.skipping import run as skipped
 from knitsim.store.reader import stopped
 from knitsim.study.study import load_study
 

@@ -7,12 +7,8 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
-<<<<<<< HEAD
 from knitsim.command import show
-=======
-from knitsim.study.measured_checks import config_of, inferred_of, names_of
-from knitsim.study.study import load_study
->>>>>>> inference
+from knitsim.study.measured_checks import inferred_of
 from knitsim.errors import InputError
 from knitsim.figures import catalogue
 from knitsim.files import cache_root, is_whole
