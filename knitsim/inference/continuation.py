@@ -66,6 +66,8 @@ def _between(a, b, part):
     """The fabric a part of the way from a to b."""
 
     def mix(one, other):
+        if other is None:  # a spacing that is not stated
+            return None
         return (1.0 - part) * one + part * other
 
     own = {f: mix(getattr(a, f), getattr(b, f)) for place, f in inputs().values() if not place}

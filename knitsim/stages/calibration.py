@@ -245,7 +245,9 @@ def _prediction_dataset(fabric, predictor, forces, half, pretensions):
         "predicted_spacing_band": (
             ("spacing", "bound"), [[float(s.low[0]), float(s.high[0])] for s in spacings],
         ),
-        "stated_spacing": ("spacing", [fabric[f"{name}_spacing"] for name in SPACINGS]),
+        "stated_spacing": ("spacing", [
+            np.nan if (own := fabric[f"{name}_spacing"]) is None else own for name in SPACINGS
+        ]),
     }  # fmt: skip
     for quantity in ("strain", "transverse_strain"):
         value, band = stacked(quantity)

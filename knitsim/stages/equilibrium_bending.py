@@ -1,22 +1,20 @@
 """The bending test in the equilibrium model, in every condition that the scene names."""
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from knitsim.equilibrium.bend import bend
 from knitsim.equilibrium.dataset import bend_dataset
-from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
 from knitsim.kes.rigidity import rigidity_and_curl
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import (
+    at_rest,
     at_rest_again,
     both_ways,
     finest,
     settings_of,
-    solver_fabric,
     variants_dataset,
 )
 from knitsim.store.timing import Timings
@@ -29,13 +27,6 @@ def curvatures_of(choice):
     """Flat, then both ways in every cycle (1/m)."""
     cycle = both_ways(choice["max_curvature"], choice["states"])
     return np.concatenate([[0.0], *[cycle] * choice["cycles"]])
-
-
-def _relaxed(fabric, law, choice, resolution):
-    built = solver_fabric(fabric, law, friction=choice["friction"], set_fraction=choice["set"])
-    if choice["friction"]:
-        built = replace(built, bending_hysteresis=fabric.yarn["bending_hysteresis"])
-    return relax(built, resolution)
 
 
 def bent(fabric, relaxed, direction, variant, **options):
@@ -77,7 +68,10 @@ def run(fabric, laws, direction):
     solved, curves = {}, {}
     for name, choice in fabric.scene[STAGE]["variants"].items():
         with timings.measure(f"{name}, with its error estimate"):
-            relaxed = _relaxed(fabric, laws["continuous"], choice, settings.resolution)
+            relaxed = at_rest(
+                fabric, laws["continuous"], settings.resolution, friction=choice["friction"],
+                set_fraction=choice["set"],
+            )  # fmt: skip
             curve = bent(fabric, relaxed, direction, name, **settings.errors)
         curves[name] = curve
         solved[name] = curve, partial(bend_dataset, curve)

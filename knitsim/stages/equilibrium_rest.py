@@ -7,6 +7,7 @@ import xarray as xr
 
 from knitsim.equilibrium.accuracy import rest_to
 from knitsim.equilibrium.density import fit_density
+from knitsim.equilibrium.programme import rest_line
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
 from knitsim.stages.described import describe_stage
@@ -60,18 +61,23 @@ def run(fabric, laws):
         relaxed, error = rest_to(relaxed, settings.accuracy)
     with timings.measure("relaxed density over loop length and set"):
         lengths, spacings, reasons = _over_loop_length(fabric, law, resolution)
-    lines = relaxed.centrelines
+    lines, cell = relaxed.centrelines, relaxed.model.cell
+    area = relaxed.wale_spacing * relaxed.course_spacing
     dataset = xr.Dataset(
         {
             "centreline": (("loop", "point", "axis"), lines),
             "wale_spacing": relaxed.wale_spacing,
             "course_spacing": relaxed.course_spacing,
-            "stated_wale_spacing": fabric["wale_spacing"],
-            "stated_course_spacing": fabric["course_spacing"],
+            **{
+                f"stated_{of}_spacing": np.nan if (own := fabric[f"{of}_spacing"]) is None else own
+                for of in ("wale", "course")
+            },
             "loop_length": fabric["loop_length"],
             "diameter": fabric.yarn["diameter"],
             "kc": fabric["loop_length"] / relaxed.course_spacing,
             "kw": fabric["loop_length"] / relaxed.wale_spacing,
+            "thickness": np.ptp(lines[..., 2]) + fabric.yarn["diameter"],
+            "areal_mass": fabric.yarn["linear_density"] * fabric["loop_length"] / area,
             "energy": ("term", relaxed.energy),
             "residual": relaxed.residual,
             "min_distance": relaxed.min_distance,
@@ -82,13 +88,19 @@ def run(fabric, laws):
             "compared_spacing": (("set", "compared", "spacing"), spacings),
         },
         {
-            **loop_coordinates(lines.shape[1]),
+            **loop_coordinates(lines.shape[1], cell.wales, cell.courses),
             "term": list(ENERGY_TERMS),
             "set": list(test["set_compared"]),
             "compared": np.arange(lengths.size),
             "spacing": ["wale", "course"],
         },
     )
+    if test["rest_line"] and fabric.yarn["friction"] > 0.0:
+        with timings.measure("spacings in which friction lets it rest"):
+            rubbed = relax(solver_fabric(fabric, law, friction=True), relaxed.model.resolution)
+            line = rest_line(rubbed)
+        dataset["rest_line_spacing"] = (("rest_state", "spacing"), line)
+        dataset = dataset.assign_coords(rest_state=np.arange(len(line)))
     if test["fit_density"]:
         with timings.measure("loop length and set fitted to the stated density"):
             fit = fit_density(built, resolution)

@@ -95,7 +95,7 @@ def run(files):
     """Dataset of the KES parameters of a fabric, one a row; files: the results of its tests."""
     rows, tests, assumed, about = [], {}, {}, {}
     for test in opened(files):
-        about = {name: test.attrs[name] for name in ("fabric", "yarn")}
+        about = {name: test.attrs[name] for name in ("fabric", "yarn", "pattern")}
         rows += rows_of(test)
         configuration = json.loads(test.attrs["configuration"])
         configuration.pop("assumed", None)  # stands in the attribute assumptions

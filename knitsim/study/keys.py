@@ -42,10 +42,11 @@ class Key:
     name: as in the file, with its unit.  quantity: its name inside, in SI; keys of one quantity are
     alternatives, and default, because and plausible are read from the first of them.
     kind: number, integer, flag, choice, text, numbers, choices or words (lists), mapping (names to text
-    or numbers), lines (how many first lines, or a list of line numbers).
+    or numbers), lines (how many first lines, or a list of line numbers), pattern (of knit and purl), turns,
+    history (:mod:`knitsim.study.turns`).
     unit: a unit of knitsim.units, None if dimensionless.  allowed: an interval, in the key's unit.
     default: REQUIRED, None (may be left out), a value in the key's unit, or a rule: a function of
-    the SI values resolved so far that returns the SI value.
+    the SI values resolved so far that returns the SI value, or REQUIRED.
     because: why the default is what it is; a default with a reason is an assumption and goes into
     the ledger.  Without a default: why a value goes there where it is given.
     plausible: low and high in the key's unit, or as factors if the default is a rule.
@@ -76,7 +77,7 @@ class Key:
     @property
     def is_list(self):
         """Whether one value of the key is itself a list."""
-        return self.kind in ("numbers", "choices", "words", "lines")
+        return self.kind in ("numbers", "choices", "words", "lines", "turns")
 
     @property
     def stem(self):

@@ -114,7 +114,8 @@ class Resolver:
             return self._given(section, main, given[0], tree[given[0].name].stated[0], prefix)
         if main.quantity in outer:
             return outer[main.quantity]
-        if main.default is REQUIRED:
+        default = main.default(values) if callable(main.default) else main.default
+        if default is REQUIRED:
             names = " or ".join(key.name for key in keys)
             missing = f"is missing; give {names}" if len(keys) > 1 else "is missing"
             raise InputError(here + main.name, None, f"{missing} ({main.about.rstrip('.')})")
@@ -132,8 +133,10 @@ class Resolver:
         default = key.default
         if callable(default):
             si = default(values)
-            value = units.from_si(si, key.unit) if key.unit else si
-            low, high = (factor * value for factor in key.plausible or (1.0, 1.0))
+            value = units.from_si(si, key.unit) if key.unit and si is not None else si
+            low, high = (
+                (factor * value for factor in key.plausible) if key.plausible else (value, value)
+            )
         else:
             value = list(default) if isinstance(default, tuple) else default
             si = _si(value, key.unit)

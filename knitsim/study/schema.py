@@ -8,6 +8,7 @@ fabric, add a section to SCENE and its stage to STAGES.
 import math
 
 from knitsim import units
+from knitsim.equilibrium.pattern import NAMED
 from knitsim.study.contact_keys import Live, barrier_key, law_sections
 from knitsim.study.keys import REQUIRED, Key, Section
 from knitsim.study.measured_keys import (
@@ -18,6 +19,7 @@ from knitsim.study.measured_keys import (
     SENSITIVITY,
     ZERO_KEY,
 )
+from knitsim.study.memory_keys import FRICTION_KEYS, HISTORY, PROGRAMME, REST_LINE
 
 # Stages of the work, and the stages whose input each needs as well.  Key.stages refers to these.
 STAGES = {
@@ -72,6 +74,11 @@ def bending_rule(yarn):
     """The sum of the bending rigidities of round, solid fibres."""
     area = yarn["linear_density"] / yarn["fibres"] / yarn["density"]
     return yarn["fibres"] * yarn["fibre_modulus"] * area**2 / (4.0 * math.pi)
+
+
+def density_rule(fabric):
+    """Needed for jersey and for a yarn with set; without it that at rest."""
+    return REQUIRED if fabric["pattern"] == "jersey" or fabric["set"] > 0.0 else None
 
 
 # A table, laid out by hand.
@@ -198,10 +205,7 @@ YARN = Section(
         Key("friction", "friction", "number", "Coulomb friction coefficient of yarn on yarn.",
             allowed="[0, 1]", default=0.2, plausible=(0.1, 0.3), stages=("equilibrium",),
             because="not in the paper; waxed to unwaxed spun yarn"),
-        Key("bending_hysteresis_mN_mm", "bending_hysteresis", "number", "Couple by which the moment of "
-            "the bent yarn lags behind its curvature, half the width of its loop; used in bending of "
-            "the fabric with friction.", unit="mN_mm", allowed="[0, 1e6]", default=0.0,
-            stages=("equilibrium_bending",)),
+        *FRICTION_KEYS,
         Key("breaking_strain", "breaking_strain", "number",
             "Strain at break; states beyond it are marked.", allowed="(0, 10]",
             default=breaking_rule, plausible=(0.7, 1.4), stages=("law",),
@@ -214,25 +218,36 @@ YARN = Section(
 
 FABRIC = Section(
     name="fabric",
-    about="One plain weft-knitted fabric.",
+    about="One weft-knitted fabric.",
     sections=(MEASURED, CALIBRATIONS, PREDICTION),
     keys=(
         Key("source", "source", "text", "Where the data come from.", stages=ALL),
         Key("yarn", "yarn", "text", "A name in yarns.yaml.", default=REQUIRED),
-        Key("wales_per_cm", "wale_spacing", "number", "Wales per cm of width.", unit="loops_per_cm",
-            allowed="(0, 100]", default=REQUIRED, stages=("centre_line",)),
+        Key("pattern", "pattern", "pattern", "Knit (k) and purl (p) as seen from the technical face: a "
+            f"name ({', '.join(NAMED)}), or the rows of the repeat from the bottom up, `kp/pk` or "
+            "`[kp, pk]`, at most 8 x 8. The kinematic model has jersey only: its tests are left out of "
+            "other patterns.", default="jersey", stages=("centre_line",)),
+        Key("set", "set", "number", "Part of the stated loop's curvature that the yarn has taken "
+            "as its rest shape.", allowed="[0, 1]", default=0.0, plausible=(0.0, 0.9),
+            stages=("equilibrium",),
+            because="not in the paper; 0 is a yarn that would be straight"),
+        Key("wales_per_cm", "wale_spacing", "number", "Wales per cm of width, of face and back together.",
+            unit="loops_per_cm", allowed="(0, 100]", default=density_rule, stages=("centre_line",)),
         Key("wales_per_inch", "wale_spacing", "number", "Wales per inch of width.",
             unit="loops_per_inch", allowed="(0, 250]"),
         Key("wale_spacing_mm", "wale_spacing", "number", "Width of one loop.", unit="mm",
             allowed="(0, 100]"),
         Key("courses_per_cm", "course_spacing", "number", "Courses per cm of length.",
-            unit="loops_per_cm", allowed="(0, 100]", default=REQUIRED, stages=("centre_line",)),
+            unit="loops_per_cm", allowed="(0, 100]", default=density_rule, stages=("centre_line",)),
         Key("courses_per_inch", "course_spacing", "number", "Courses per inch of length.",
             unit="loops_per_inch", allowed="(0, 250]"),
         Key("course_spacing_mm", "course_spacing", "number", "Height of one course.", unit="mm",
             allowed="(0, 100]"),
-        Key("loop_length_mm", "loop_length", "number", "Length of yarn in one loop.", unit="mm",
-            allowed="(0, 200]", default=REQUIRED, stages=("centre_line",)),
+        Key("loop_length_mm", "loop_length", "number", "Length of yarn in one loop (stitch), the mean of "
+            "the pattern.", unit="mm", allowed="(0, 200]", default=REQUIRED, stages=("centre_line",)),
+        Key("course_length_ratios", "course_length_ratios", "numbers", "Loop lengths of the courses of the "
+            "pattern to each other, from the bottom up, where they differ; yarn slides from stitch to "
+            "stitch within a course.", allowed="(0, 100]", stages=("equilibrium",)),
         Key("centre_line", "centre_line", "choice",
             "spline: through the six anchors of each half loop, as in the "
             "paper. curve: Choi and Lo's curve itself.", choices=("spline", "curve"),
@@ -241,10 +256,7 @@ FABRIC = Section(
             "so they are taken from the curve of Choi and Lo (2003)"),
         Key("sections_per_loop", "sections_per_loop", "integer", "Yarn sections along one loop.",
             allowed="[16, 10000]", default=100, stages=("loop",)),
-        Key("set", "set", "number", "Part of the stated loop's curvature that the yarn has taken "
-            "as its rest shape.", allowed="[0, 1]", default=0.0, plausible=(0.0, 0.9),
-            stages=("equilibrium",),
-            because="not in the paper; 0 is a yarn that would be straight"),
+        HISTORY,
         Key("scene", "scene", "text", "The test programme: a name in scenes.yaml.",
             default="paper_fabric"),
     ),
@@ -389,6 +401,7 @@ EQUILIBRIUM_REST = Section(
         Key("cell", "cell", "choice", "symmetric: only what the symmetry of pattern and test leaves of "
             "the cell is solved. full: all of it, without symmetry.", choices=("symmetric", "full"),
             default="symmetric"),
+        REST_LINE,
         Key("fit_density", "fit_density", "flag", "Also fit loop length and set so that the fabric at "
             "rest has the stated density.", default=False),
         Key("set_compared", "set_compared", "numbers", "Fractions of set at which the relaxed "
@@ -412,6 +425,7 @@ EQUILIBRIUM_TENSION_KEYS = (
     Key("recovery", "recovery", "flag", "Recover to zero force after loading.", default=False),
     Key("cycles", "cycles", "integer", "Times that the fabric is loaded and recovers.",
         allowed="[1, 1000]", default=1),
+    PROGRAMME,
     Key("to_force_gf_per_cm", "to_force", "number", "Loading ends at this force per width where it "
         "comes before the largest strain; KES: 50 for knits, 500.", unit="gf_per_cm",
         allowed="(0, 1e6]"),

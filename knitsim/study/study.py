@@ -12,6 +12,7 @@ import copy
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 from knitsim import units
 from knitsim.errors import InputError
@@ -22,6 +23,8 @@ from knitsim.study.measured_checks import check_measured
 from knitsim.study.resolve import Resolver, expand, replaced
 from knitsim.study.schema import FABRIC, SCENE, YARN, closure
 from knitsim.study.yaml_file import read_yaml
+
+KINEMATIC_IS_JERSEY = "the kinematic model has jersey only, and this is {}"
 
 
 class Resolved:
@@ -125,6 +128,7 @@ class SceneInput(Resolved):
     """A test programme; ``scene["tensile_test"]`` is None if that test is not run."""
 
     section = SCENE
+    left_out = MappingProxyType({})  # tests that are stated but not run: why
 
     def __init__(self, file, base, point, label, tree):
         super().__init__(file, base, point, label, tree)
@@ -137,6 +141,20 @@ class SceneInput(Resolved):
     def of(self):
         """``yarn`` or ``fabric``: what the scene tests."""
         return next(part.of for part in SCENE.sections if self.values[part.name] is not None)
+
+    def for_pattern(self, pattern):
+        """The tests that a fabric of a pattern can have: those of the kinematic model are jersey's."""
+        left = {
+            name: KINEMATIC_IS_JERSEY.format(pattern)
+            for name, values in self.values.items()
+            if values is not None and name.startswith("kinematic_")
+        }
+        if pattern == "jersey" or not left:
+            return self
+        other = copy.copy(self)
+        other.left_out = left
+        other._resolve({name: one for name, one in self._tree.items() if name not in left})
+        return other
 
     @property
     def needs_loop(self):
@@ -207,7 +225,7 @@ class FabricInput(Resolved):
     def __init__(self, file, base, point, label, tree, yarn, scenes, folders):
         super().__init__(file, base, point, label, tree)
         self.yarn = yarn
-        self.scene = _scene_of(self, scenes, "fabric")
+        self.scene = _scene_of(self, scenes, "fabric").for_pattern(self["pattern"])
         self._folders = folders
         self._check()
         check_measured(self)
