@@ -138,7 +138,8 @@ class States:
         raise failure
 
     def _next(self, start, fabric):
-        model = build_model(fabric, self.resolution)
+        before = start.relaxed.model
+        model = build_model(fabric, before.resolution, before.cell.symmetries)
         held = None
         if fabric.set_fraction > 0.0:
             held = _held(model, start)
@@ -206,7 +207,8 @@ class Sensitivity:
             if len(ends) == 2:
                 break
             try:
-                models.append(build_model(varied(fabric, {name: at}), resolution))
+                built = varied(fabric, {name: at})
+                models.append(build_model(built, resolution, self.model.cell.symmetries))
             except InputError:
                 continue
             ends.append(at)

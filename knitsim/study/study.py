@@ -19,7 +19,7 @@ from knitsim.errors import InputError
 from knitsim.study.check import check_name, check_points, check_section, shown
 from knitsim.study.cross_checks import check_fabric, check_scene, check_yarn
 from knitsim.study.ledger import model_assumptions
-from knitsim.study.measured_checks import check_measured
+from knitsim.study.measured_checks import calibrate_on, check_measured
 from knitsim.study.resolve import Resolver, expand, replaced
 from knitsim.study.schema import FABRIC, SCENE, YARN, closure
 from knitsim.study.yaml_file import read_yaml
@@ -218,9 +218,10 @@ class YarnInput(Resolved):
 
 
 class FabricInput(Resolved):
-    """A fabric, its yarn (``fabric.yarn``) and its scene."""
+    """A fabric, its yarn (``fabric.yarn``), its scene, and the fabric whose calibrations it takes or None."""
 
     section = FABRIC
+    calibrated_on = None
 
     def __init__(self, file, base, point, label, tree, yarn, scenes, folders):
         super().__init__(file, base, point, label, tree)
@@ -391,6 +392,8 @@ def load_study(path, fallback="config"):
                 both = ",".join(part for part in (label, yarn_label) if part)
                 fabric = FabricInput(file, base, point_and_yarn, both, one, yarn, scenes, folders)
                 fabrics[fabric.name] = fabric
+    for fabric in fabrics.values():
+        calibrate_on(fabric, fabrics)
     return Study(path, yarns, fabrics, scenes)
 
 
