@@ -16,6 +16,7 @@ from knitsim.stages.ledger import effect_dataset
 from knitsim.store.schema import ENERGY_TERMS
 from knitsim.store.tensile import loop_coordinates
 from knitsim.store.timing import Timings
+from knitsim.store.writer import to_json
 from knitsim.study.schema import closure
 
 STAGE = "equilibrium_rest"
@@ -32,12 +33,16 @@ def headlines(fabric, resolution):
 
 
 def _over_loop_length(fabric, law, resolution):
-    """Relaxed spacings over loop length and set: (loop lengths, spacings (set, length, 2), reasons)."""
+    """Relaxed spacings over loop length and set: (sets, loop lengths, spacings (set, length, 2), reasons)."""
     test = fabric.scene[STAGE]
-    factors = np.linspace(test["loop_length_low"], test["loop_length_high"], LOOP_LENGTHS)
-    spacings = np.full((len(test["set_compared"]), factors.size, 2), np.nan)
+    low, high = test["loop_length_low"], test["loop_length_high"]
+    factors = np.linspace(low, high, LOOP_LENGTHS if high > low else 1)
+    # Set is of the loop held at the stated density.
+    stated = fabric["wale_spacing"] is not None
+    sets = [fraction for fraction in test["set_compared"] if stated or not fraction]
+    spacings = np.full((len(sets), factors.size, 2), np.nan)
     reasons = []
-    for i, fraction in enumerate(test["set_compared"]):
+    for i, fraction in enumerate(sets):
         for j, factor in enumerate(factors):
             length = factor * fabric["loop_length"]
             try:
@@ -47,7 +52,7 @@ def _over_loop_length(fabric, law, resolution):
                 reasons.append(f"set {fraction:g}, loop length {1e3 * length:.4g} mm: {error}")
                 continue
             spacings[i, j] = relaxed.wale_spacing, relaxed.course_spacing
-    return factors * fabric["loop_length"], spacings, reasons
+    return sets, factors * fabric["loop_length"], spacings, reasons
 
 
 def run(fabric, laws):
@@ -58,9 +63,10 @@ def run(fabric, laws):
     resolution = settings.resolution
     relaxed = timings.repeat("relaxing", lambda: relax(built, resolution))
     with timings.measure("its error"):
+        passed = relaxed.passed
         relaxed, error = rest_to(relaxed, settings.accuracy)
     with timings.measure("relaxed density over loop length and set"):
-        lengths, spacings, reasons = _over_loop_length(fabric, law, resolution)
+        sets, lengths, spacings, reasons = _over_loop_length(fabric, law, resolution)
     lines, cell = relaxed.centrelines, relaxed.model.cell
     area = relaxed.wale_spacing * relaxed.course_spacing
     dataset = xr.Dataset(
@@ -90,7 +96,7 @@ def run(fabric, laws):
         {
             **loop_coordinates(lines.shape[1], cell.wales, cell.courses),
             "term": list(ENERGY_TERMS),
-            "set": list(test["set_compared"]),
+            "set": sets,
             "compared": np.arange(lengths.size),
             "spacing": ["wale", "course"],
         },
@@ -110,6 +116,7 @@ def run(fabric, laws):
     with timings.measure("effect of the assumptions"):
         followed = partial(headlines, resolution=relaxed.model.resolution)
         dataset = dataset.merge(effect_dataset(fabric, closure(STAGE), followed))
+    dataset.attrs["passed_rest_states"] = to_json(passed)
     dataset.attrs["not_reached"] = "; ".join(reasons)
     describe_stage(
         dataset, fabric, STAGE, title=f"Fabric {fabric.name} at rest in the equilibrium model",
