@@ -128,7 +128,10 @@ def is_intact(model, y):
     if model.loops > 1:
         return is_plain(model, y)
     lattice = y[model.lattice : model.lattice + 4].reshape(2, 2)
-    return crossings_intact(centreline(model, y), np.pad(lattice, ((0, 0), (0, 1))))
+    # All purl is plain knit seen from the back.
+    side = 1.0 if model.fabric.pattern.stitch(0, 0) == "k" else -1.0
+    points = centreline(model, y) * [1.0, 1.0, side]
+    return crossings_intact(points, np.pad(lattice, ((0, 0), (0, 1))))
 
 
 def relax(fabric, resolution=None):
@@ -202,9 +205,11 @@ def symmetric_of(model):
 def without(relaxed, kept):
     """The relaxed state in a cell with only these symmetries of the pattern (:data:`.cell.KEPT`)."""
     model, fabric = relaxed.model, relaxed.model.fabric
-    if all(KEPT[kept](one) for one in model.cell.symmetries):
+    # Of those that the state has: a rib that has folded has fewer than its pattern.
+    left = tuple(one for one in model.cell.symmetries if KEPT[kept](one))
+    if left == model.cell.symmetries:
         return relaxed
-    other = build_model(fabric, Resolution(model.cell.points, model.cell.contacts), kept)
+    other = build_model(fabric, Resolution(model.cell.points, model.cell.contacts), left)
     if model.held is not None:
         other = with_set(other, carried(other, model, model.held))
     state = settle(other, carried(other, model, relaxed.y), other.free(0, 3), relaxed.iterations)

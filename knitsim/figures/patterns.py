@@ -144,7 +144,9 @@ def fig42_patterns_curves(predicted, rest):
 
 
 def draw_patterns(files, folder):
-    """Write the figures of :data:`CAPTIONS` into ``folder``; files: {rest, course, wale, predicted: paths}."""
+    """Write the figures of :data:`CAPTIONS` into ``folder``; files: {rest, course, wale, predicted:
+    paths}.
+    """
     data = {name: [xr.load_dataset(path) for path in paths] for name, paths in files.items()}
     figures = {
         "fig40_patterns_at_rest": ("rest",),

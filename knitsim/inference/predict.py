@@ -54,7 +54,8 @@ class Predictor:
     """Predicts tests of a fabric.
 
     fabric: all inputs as given; calibration: a :class:`knitsim.inference.calibrate.Calibration`,
-    whose fabric then counts, or whose values are put into ``fabric`` where both are given; resolution: as for knitsim.equilibrium.relax.relax.
+    whose fabric then counts, or whose values are put into ``fabric`` where both are given;
+    resolution: as for knitsim.equilibrium.relax.relax.
     """
 
     def __init__(self, fabric=None, calibration=None, resolution=None):
