@@ -7,6 +7,7 @@
     snakemake -c2 stress                   5,000 random and worst cases, with a map of the limits
     snakemake -c2 stress --config seed=7 cases=100   other cases of a campaign, or fewer
     snakemake -c2 calibration              also the calibrations that the study marks on_request
+    snakemake -c2 patterns                 jersey, garter, rib and seed of one yarn, predicted from its jersey
     snakemake -c2 benchmark                run time against error in full, PyElastica beside it, scaling
     snakemake -c2 excel                    the tables again, for Excel with decimal commas
     snakemake -c2 --config study=DIR       with the yarns, fabrics and scenes of another directory
@@ -25,6 +26,7 @@ include: "workflow/rules/output.smk"
 include: "workflow/rules/campaign.smk"
 include: "workflow/rules/benchmark.smk"
 include: "workflow/rules/excel.smk"
+include: "workflow/rules/patterns.smk"
 
 
 rule all:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import newton
 
 from knitsim.equilibrium import cell as cells
 from knitsim.equilibrium import spline
@@ -218,7 +219,48 @@ def carried(model, other, y):
     a2 = np.array([lattice[2], lattice[3], 0.0]) * other.cell.courses
     loops = np.concatenate([loops + i * a1 for i in range(wide)], axis=1)
     loops = np.concatenate([loops + j * a2 for j in range(high)], axis=0)
+    if model.cell.symmetries != other.cell.symmetries:
+        loops = _in_gauge(model.cell, loops, wide * a1)
     return cells.pack(model.cell, loops, lattice)
+
+
+def _in_gauge(cell, loops, step):
+    """Control points of all loops moved and slid along their yarns to where a cell with fewer symmetries
+    holds them (:meth:`.cell._Layout._gauge`), for the same shapes.
+    """
+    sign, loops = np.array([one.sign for one in cell.symmetries]), loops.copy()
+    left, right, first = cell.points // 4, 3 * cell.points // 4, cell.pieces[0]
+    if (sign[:, 1] > 0).all():
+        for course in dict.fromkeys(piece.course for piece in cell.pieces):
+            loops[course] = _slid(loops[course], step, left, right)
+        loops[..., 1] -= loops[first.course, left, 1]
+    if (sign[:, 0] > 0).all():
+        loops[..., 0] -= loops[first.course, first.first, 0]
+    if (sign[:, 2] > 0).all():
+        loops[..., 2] -= loops[..., 2].mean()
+    return loops
+
+
+def _slid(control, step, left, right):
+    """Control points of the same curve slid along it until two of them are at the same height."""
+    chain, n = np.concatenate([control[-1:] - step, control, control[:2] + step]), len(control)
+
+    def moved(by):
+        turns, u = np.divmod(np.arange(n) + by, n)
+        points = spline.evaluate(chain, u) + turns[:, None] * step
+        return spline.interpolate_periodic(points, step)
+
+    def apart(by):
+        there = moved(by)
+        return there[right, 1] - there[left, 1]
+
+    if abs(control[right, 1] - control[left, 1]) <= 1e-12 * abs(step[0]):
+        return control
+    try:
+        by = newton(apart, 0.0, x1=0.1, tol=1e-9)
+    except RuntimeError:  # no such place: what settles the shape moves it there
+        return control
+    return moved(by)
 
 
 def centrelines(model, y, per_span=2):

@@ -190,6 +190,30 @@ def per_cycle(curve):
     return np.array(rows)
 
 
+def growth(curve):
+    """Residual strain after the last cycle less that after the first; NaN where either is not known."""
+    residual = per_cycle(curve)[:, 1]
+    return float(residual[-1] - residual[0]) if len(residual) else np.nan
+
+
+def returned(curve):
+    """Largest change of the force where a curve comes back to a strain at which it turned before; NaN
+    where it never does.
+
+    By a memory of turning points (:mod:`.kernels.friction`) a loop between two of them leaves no trace.
+    """
+    ends = np.flatnonzero(np.diff(curve.segment, append=curve.segment[-1:] + 1))
+    changes, largest = [], np.abs(curve.force_per_loop).max(initial=0.0)
+    for later, end in enumerate(ends):
+        for before in ends[:later]:
+            between = curve.strain[before : end + 1]
+            inside = between.max() <= curve.strain[before] * (1.0 + 1e-9)
+            same = abs(curve.strain[end] - curve.strain[before]) <= 1e-6
+            if same and inside and curve.force_per_loop[before] > 0.01 * largest:
+                changes.append(curve.force_per_loop[end] / curve.force_per_loop[before] - 1.0)
+    return float(max(changes, key=abs)) if changes else np.nan
+
+
 def rest_line(relaxed, largest=0.4, states=4, increment=FRICTION_INCREMENT):
     """Spacings (m) in which friction lets the fabric rest, (2 states + 1, 2): wale, course.
 

@@ -24,7 +24,7 @@ WALE_SPACING, COURSE_SPACING, SHEAR = 0, 3, 2
 PULLED = {"course": (WALE_SPACING, COURSE_SPACING), "wale": (COURSE_SPACING, WALE_SPACING)}
 LARGEST_STRAIN = 5.0
 INCREMENT = 0.1  # largest increment of strain without friction
-FRICTION_INCREMENT = 0.02
+FRICTION_INCREMENT = 0.01  # of strain: cycles of 12 then lie within 1.3 % of their limit (measured)
 SHORTER = (-0.01, -0.02, -0.05, -0.1, -0.2)  # strains to which a fabric is pushed to lose its force
 
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from knitsim.equilibrium import spline
-from knitsim.equilibrium.cell import KEPT, pack, symmetries_of
+from knitsim.equilibrium.cell import KEPT, pack
 from knitsim.equilibrium.fabric import Resolution
+from knitsim.equilibrium.fold import folded
 from knitsim.equilibrium.kernels.accept import CROSSINGS_LOST, NOT_SETTLED, RAN_AWAY, TOO_CLOSE
 from knitsim.equilibrium.kernels.newton import CONVERGED, NO_DESCENT, NOT_FINITE, TOO_MANY
 from knitsim.equilibrium.model import (
@@ -56,9 +57,6 @@ GROWTH_ITERATIONS = (
 )
 DENSER, REFINEMENTS = 1.25, 12  # contact points: more than just enough, tries
 MOST_CONTACTS = 4096  # a loop
-# Search for states with less symmetry: loops in a cell at most, tries, disturbance (diameters), how much
-# less energy counts (of the energy), to what an operation must hold (diameters).
-MOST_DISTURBED, DISTURBANCES, DISTURBED, LESS, SYMMETRIC = 16, 2, 0.05, 1e-6, 0.02
 
 
 class TooCoarse(ComputationError):
@@ -82,7 +80,8 @@ class Relaxed:
     (J); residual (N); min_distance (diameters, NaN where nothing is near); iterations;
     crossings_intact.  stable: whether the energy without friction has a minimum here, by all unknowns of
     the cell; None for a symmetric cell, which cannot know (see :mod:`stability`).  memory: what
-    friction remembers of the way here, None where nothing has moved; history: that way.
+    friction remembers of the way here, None where nothing has moved; history: that way.  passed: unstable
+    states with more symmetry that were left for this one (:mod:`.fold`).
     """
 
     model: Model
@@ -95,6 +94,7 @@ class Relaxed:
     stable: bool | None
     memory: tuple | None = None
     history: tuple = ()
+    passed: tuple = ()
     others: dict = field(default_factory=dict, repr=False)  # the same state at other resolutions
 
     def __repr__(self):
@@ -131,7 +131,10 @@ def is_intact(model, y):
     if model.loops > 1:
         return is_plain(model, y)
     lattice = y[model.lattice : model.lattice + 4].reshape(2, 2)
-    return crossings_intact(centreline(model, y), np.pad(lattice, ((0, 0), (0, 1))))
+    # All purl is plain knit seen from the back.
+    side = 1.0 if model.fabric.pattern.stitch(0, 0) == "k" else -1.0
+    points = centreline(model, y) * [1.0, 1.0, side]
+    return crossings_intact(points, np.pad(lattice, ((0, 0), (0, 1))))
 
 
 def relax(fabric, resolution=None):
@@ -171,10 +174,10 @@ def refining(run, contacts):
 
 def _relax(fabric, resolution, y):
     model = build_model(fabric, resolution)
-    one = symmetric_of(model)
+    one, left = symmetric_of(model), ()
     y, used = _at_rest(one, y)
     if not fabric.pattern.uniform:
-        one, y, used = _without_symmetry(one, y, used)
+        one, y, used, left = folded(one, y, used)
         model = one if model.cell.symmetric else model
     if fabric.set_fraction > 0.0:
         held = held_state(one, y)
@@ -189,42 +192,10 @@ def _relax(fabric, resolution, y):
             alone = settle(one, y, one.free(0, 3), used)
     else:
         alone = settle(one, y, one.free(0, 3), used)
+    alone = replace(alone, passed=left)
     if one is model:
         return alone
     return settle(model, carried(model, one, alone.y), model.free(0, 3), alone.iterations)
-
-
-def _without_symmetry(one, y, used):
-    """Model, unknowns and iterations of a state of less energy that has less symmetry, if there is one.
-
-    A fabric whose stitches differ may fold to one side.  The symmetric state is disturbed in the full
-    cell; what is found keeps the symmetries that it has.
-    """
-    start = settle(one, y, one.free(0, 3))
-    fabric, d = one.fabric, one.fabric.diameter
-    full = build_model(fabric, Resolution(one.cell.points, one.cell.contacts), "none")
-    if full.loops > MOST_DISTURBED:
-        return one, y, used
-    straight = carried(full, one, start.y)
-    if is_stable(full, full.scene, straight, full.free(0, 3)):
-        return one, y, used
-    best = start
-    for seed in range(DISTURBANCES):
-        noise = np.random.default_rng(seed).standard_normal(full.cell.count)
-        disturbed = straight.copy()
-        disturbed[: full.cell.count] += DISTURBED * d * noise
-        try:
-            state = settle(full, disturbed, full.free(0, 3))
-        except ComputationError:
-            continue
-        used += state.iterations
-        if state.energy.sum() < (1.0 - LESS) * best.energy.sum():
-            best = state
-    if best is start:
-        return one, y, used
-    kept = symmetries_of(full.cell, best.y, SYMMETRIC * d)
-    folded = build_model(fabric, Resolution(one.cell.points, one.cell.contacts), kept)
-    return folded, settle(folded, carried(folded, full, best.y), folded.free(0, 3)).y, used
 
 
 def symmetric_of(model):
@@ -237,9 +208,11 @@ def symmetric_of(model):
 def without(relaxed, kept):
     """The relaxed state in a cell with only these symmetries of the pattern (:data:`.cell.KEPT`)."""
     model, fabric = relaxed.model, relaxed.model.fabric
-    if all(KEPT[kept](one) for one in model.cell.symmetries):
+    # Of those that the state has: a rib that has folded has fewer than its pattern.
+    left = tuple(one for one in model.cell.symmetries if KEPT[kept](one))
+    if left == model.cell.symmetries:
         return relaxed
-    other = build_model(fabric, Resolution(model.cell.points, model.cell.contacts), kept)
+    other = build_model(fabric, Resolution(model.cell.points, model.cell.contacts), left)
     if model.held is not None:
         other = with_set(other, carried(other, model, model.held))
     state = settle(other, carried(other, model, relaxed.y), other.free(0, 3), relaxed.iterations)

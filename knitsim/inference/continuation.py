@@ -67,6 +67,8 @@ def _between(a, b, part):
     """The fabric a part of the way from a to b."""
 
     def mix(one, other):
+        if other is None:  # a spacing that is not stated
+            return None
         return (1.0 - part) * one + part * other
 
     own = {f: mix(getattr(a, f), getattr(b, f)) for place, f in inputs().values() if not place}
@@ -137,7 +139,8 @@ class States:
         raise failure
 
     def _next(self, start, fabric):
-        model = build_model(fabric, self.resolution)
+        before = start.relaxed.model
+        model = build_model(fabric, before.resolution, before.cell.symmetries)
         held = None
         if fabric.set_fraction > 0.0:
             held = _held(model, start)
@@ -210,7 +213,8 @@ class Sensitivity:
             if len(ends) == 2:
                 break
             try:
-                models.append(build_model(varied(fabric, {name: at}), resolution))
+                built = varied(fabric, {name: at})
+                models.append(build_model(built, resolution, self.model.cell.symmetries))
             except InputError:
                 continue
             ends.append(at)

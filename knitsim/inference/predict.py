@@ -54,13 +54,18 @@ class Predictor:
     """Predicts tests of a fabric.
 
     fabric: all inputs as given; calibration: a :class:`knitsim.inference.calibrate.Calibration`,
-    whose fabric then counts instead; resolution: as for knitsim.equilibrium.relax.relax.
+    whose fabric then counts, or whose values are put into ``fabric`` where both are given;
+    resolution: as for knitsim.equilibrium.relax.relax.
     """
 
     def __init__(self, fabric=None, calibration=None, resolution=None):
-        if (fabric is None) == (calibration is None):
-            raise InputError("predictor", None, "needs a fabric or a calibration, not both")
+        if fabric is None and calibration is None:
+            raise InputError("predictor", None, "needs a fabric, a calibration, or both")
+        start = calibration.problem.fabric if fabric is None else fabric
         self.fabric = fabric if calibration is None else calibration.fabric
+        if None not in (fabric, calibration):
+            found = zip(calibration.names, map(float, calibration.values), strict=True)
+            self.fabric = varied(fabric, dict(found))
         if calibration is not None and resolution is None:
             resolution = calibration.resolution
         self.calibration = calibration
@@ -68,7 +73,7 @@ class Predictor:
         self.states = States(self.resolution)
         if calibration is not None:
             # Where the fit began, so that the calibrated fabric lies on the same branch.
-            self.states.rest(calibration.problem.fabric)
+            self.states.rest(start)
         self.rest = self.states.rest(self.fabric).relaxed
         self.notes = []
         self.sides = []

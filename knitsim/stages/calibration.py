@@ -246,7 +246,9 @@ def _prediction_dataset(fabric, predictor, forces, half, pretensions):
         "predicted_spacing_band": (
             ("spacing", "bound"), [[float(s.low[0]), float(s.high[0])] for s in spacings],
         ),
-        "stated_spacing": ("spacing", [fabric[f"{name}_spacing"] for name in SPACINGS]),
+        "stated_spacing": ("spacing", [
+            np.nan if (own := fabric[f"{name}_spacing"]) is None else own for name in SPACINGS
+        ]),
     }  # fmt: skip
     for quantity in ("strain", "transverse_strain"):
         value, band = stacked(quantity)
@@ -306,6 +308,10 @@ def _model_points(test, predictor):
         return None, [f"{test.name}: {error}"]
 
 
+def _to_fit(measured):
+    return {key: m.to_fit() if m.kind == "tension" else m for key, m in measured.items()}
+
+
 def run(fabric, laws, name):
     """(dataset, timings) of the calibration ``name`` of a FabricInput, or of GIVEN.
 
@@ -320,18 +326,24 @@ def run(fabric, laws, name):
     measured = {key: measured_test(fabric, key) for key in fabric["measured"]}
     records = {key: test.record() for key, test in measured.items()}
     asked = asked_of(fabric, measured)
-    measured = {key: m.to_fit() if m.kind == "tension" else m for key, m in measured.items()}
+    measured = _to_fit(measured)
+    source = fabric.calibrated_on or fabric
     built = solver_fabric(fabric, laws["continuous"], friction=True)
     found, notes, warnings = None, [], []
     if name == GIVEN:
         predictor = Predictor(built, resolution=settings_of(fabric).resolution)
     else:
-        problem = problem_of(fabric, name, built, measured)
+        fits = measured
+        if source is not fabric:
+            fits = _to_fit({key: measured_test(source, key) for key in source["measured"]})
+        fitted_fabric = solver_fabric(source, laws["continuous"], friction=True)
+        problem = problem_of(source, name, fitted_fabric, fits)
         with timings.measure(f"{name}: fit of {', '.join(problem.names)}, with profiles"):
-            found = fit(problem)
-        predictor = Predictor(calibration=found)
+            # Whoever is calibrated on another fabric finds the profiles in that one's result.
+            found = fit(problem, profile=source is fabric)
+        predictor = Predictor(None if source is fabric else built, calibration=found)
         notes, warnings = list(found.notes), list(found.warnings)
-    fitted = () if name == GIVEN else fabric["calibrations"][name]["fit"]
+    fitted = () if name == GIVEN or source is not fabric else fabric["calibrations"][name]["fit"]
     models = {}
     for key, test in measured.items():
         models[key], more = _model_points(test, predictor)
@@ -347,9 +359,9 @@ def run(fabric, laws, name):
     dataset.attrs["notes"] = to_json([*notes, *more])
     dataset.attrs["measured_tests"] = to_json(records)
     references = ("munden", "singal") if fabric.yarn["core_law"] else ("munden",)
-    what = (
-        "without calibration, all parameters as given" if name == GIVEN else f"calibration {name}"
-    )
+    what = f"calibration {name}" + ("" if source is fabric else f" of fabric {source.name}")
+    if name == GIVEN:
+        what = "without calibration, all parameters as given"
     describe_stage(
         dataset, fabric, STAGE, calibration=name,
         title=f"Fabric {fabric.name}, {what}: measured curves and prediction",

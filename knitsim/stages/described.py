@@ -17,8 +17,9 @@ def describe_stage(
     if settings is not None:
         dataset.attrs["settings"] = to_json(settings)
     yarn = getattr(given, "yarn", given)
-    fabric = "" if yarn is given else given.name
+    if yarn is not given:
+        labels |= {"fabric": given.name, "pattern": given["pattern"]}
     return describe(
-        dataset, stage, labels_of(stage, fabric, yarn.name, **labels), title=title, summary=summary,
+        dataset, stage, labels_of(stage, yarn=yarn.name, **labels), title=title, summary=summary,
         references=references, configuration=config, assumptions=config["assumed"],
     )  # fmt: skip

@@ -12,6 +12,7 @@ from knitsim.errors import InputError
 from knitsim.measured.read import read_entry
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
+from knitsim.stages.memory import history_json, with_history
 from knitsim.stages.remedy import ROOM, remedies
 from knitsim.store.tensile import stack_variants
 from knitsim.store.writer import to_json
@@ -43,6 +44,9 @@ def solver_fabric(fabric, law, *, friction=False, set_fraction=None, loop_length
         contact=contact_of(yarn),
         friction=yarn["friction"] if friction else 0.0,
         set_fraction=fabric["set"] if set_fraction is None else set_fraction,
+        bending_hysteresis=yarn["bending_hysteresis"] if friction else 0.0,
+        tangential_ratio=yarn["tangential_ratio"], stuck_ratio=yarn["stuck_ratio"],
+        pattern=fabric["pattern"], course_lengths=tuple(fabric["course_length_ratios"] or ()),
     )  # fmt: skip
 
 
@@ -105,9 +109,10 @@ def settings_of(fabric):
 
 
 def at_rest(fabric, law, resolution, **options):
-    """A FabricInput at rest; law, options: as :func:`solver_fabric` takes them."""
+    """A FabricInput at rest, with friction after its history; law, options: as :func:`solver_fabric`
+    takes them."""
     with named_by_key(fabric, law):
-        return relax(solver_fabric(fabric, law, **options), resolution)
+        return with_history(fabric, relax(solver_fabric(fabric, law, **options), resolution))
 
 
 def at_rest_again(fabric, resolution, **options):
@@ -142,6 +147,7 @@ def variants_dataset(fabric, stage, solved, headlines, timings):
         dataset = dataset.merge(effect_dataset(fabric, closure(stage), headlines))
     dataset["diameter"] = fabric.yarn["diameter"]
     dataset.attrs["readings"] = to_json(fabric.scene[stage]["variants"])
+    dataset.attrs["history"] = history_json(fabric)
     dataset.attrs["stop_reason"] = "; ".join(
         f"{name}: {curve.stop_reason}" for name, (curve, _) in solved.items() if curve.stop_reason
     )

@@ -1,22 +1,20 @@
 """The bending test in the equilibrium model, in every condition that the scene names."""
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from knitsim.equilibrium.bend import bend
 from knitsim.equilibrium.dataset import bend_dataset
-from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
 from knitsim.kes.rigidity import rigidity_and_curl
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import (
+    at_rest,
     at_rest_again,
     both_ways,
     finest,
     settings_of,
-    solver_fabric,
     variants_dataset,
 )
 from knitsim.store.timing import Timings
@@ -32,10 +30,8 @@ def curvatures_of(choice):
 
 
 def relaxed_for(fabric, law, choice, resolution):
-    built = solver_fabric(fabric, law, friction=choice["friction"], set_fraction=choice["set"])
-    if choice["friction"]:
-        built = replace(built, bending_hysteresis=fabric.yarn["bending_hysteresis"])
-    return relax(built, resolution)
+    """The fabric at rest as a condition has it: its friction, its set."""
+    return at_rest(fabric, law, resolution, friction=choice["friction"], set_fraction=choice["set"])
 
 
 def bent(fabric, relaxed, direction, variant, **options):

@@ -7,6 +7,7 @@ import xarray as xr
 
 from knitsim.equilibrium.accuracy import rest_to
 from knitsim.equilibrium.density import fit_density
+from knitsim.equilibrium.programme import rest_line
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
 from knitsim.stages.described import describe_stage
@@ -15,6 +16,7 @@ from knitsim.stages.ledger import effect_dataset
 from knitsim.store.schema import ENERGY_TERMS
 from knitsim.store.tensile import loop_coordinates
 from knitsim.store.timing import Timings
+from knitsim.store.writer import to_json
 from knitsim.study.schema import closure
 
 STAGE = "equilibrium_rest"
@@ -31,12 +33,16 @@ def headlines(fabric, resolution):
 
 
 def _over_loop_length(fabric, law, resolution):
-    """Relaxed spacings over loop length and set: (loop lengths, spacings (set, length, 2), reasons)."""
+    """Relaxed spacings over loop length and set: (sets, loop lengths, spacings (set, length, 2), reasons)."""
     test = fabric.scene[STAGE]
-    factors = np.linspace(test["loop_length_low"], test["loop_length_high"], LOOP_LENGTHS)
-    spacings = np.full((len(test["set_compared"]), factors.size, 2), np.nan)
+    low, high = test["loop_length_low"], test["loop_length_high"]
+    factors = np.linspace(low, high, LOOP_LENGTHS if high > low else 1)
+    # Set is of the loop held at the stated density.
+    stated = fabric["wale_spacing"] is not None
+    sets = [fraction for fraction in test["set_compared"] if stated or not fraction]
+    spacings = np.full((len(sets), factors.size, 2), np.nan)
     reasons = []
-    for i, fraction in enumerate(test["set_compared"]):
+    for i, fraction in enumerate(sets):
         for j, factor in enumerate(factors):
             length = factor * fabric["loop_length"]
             try:
@@ -46,7 +52,7 @@ def _over_loop_length(fabric, law, resolution):
                 reasons.append(f"set {fraction:g}, loop length {1e3 * length:.4g} mm: {error}")
                 continue
             spacings[i, j] = relaxed.wale_spacing, relaxed.course_spacing
-    return factors * fabric["loop_length"], spacings, reasons
+    return sets, factors * fabric["loop_length"], spacings, reasons
 
 
 def rest_dataset(fabric, relaxed, error):
@@ -54,7 +60,7 @@ def rest_dataset(fabric, relaxed, error):
 
     A density that nobody stated is not a number.
     """
-    lines = relaxed.centrelines
+    lines, area = relaxed.centrelines, relaxed.wale_spacing * relaxed.course_spacing
     stated = {
         f"stated_{name}": fabric[name] if fabric.is_stated(name) else np.nan
         for name in ("wale_spacing", "course_spacing")
@@ -70,6 +76,8 @@ def rest_dataset(fabric, relaxed, error):
             "diameter": fabric.yarn["diameter"],
             "kc": fabric["loop_length"] / relaxed.course_spacing,
             "kw": fabric["loop_length"] / relaxed.wale_spacing,
+            "thickness": np.ptp(lines[..., 2]) + fabric.yarn["diameter"],
+            "areal_mass": fabric.yarn["linear_density"] * fabric["loop_length"] / area,
             "energy": ("term", relaxed.energy),
             "residual": relaxed.residual,
             "min_distance": relaxed.min_distance,
@@ -94,21 +102,28 @@ def run(fabric, laws):
         built = solver_fabric(fabric, law)
         relaxed = timings.repeat("relaxing", lambda: relax(built, resolution))
     with timings.measure("its error"):
+        passed = relaxed.passed
         relaxed, error = rest_to(relaxed, settings.accuracy)
     with timings.measure("relaxed density over loop length and set"):
-        lengths, spacings, reasons = _over_loop_length(fabric, law, resolution)
+        sets, lengths, spacings, reasons = _over_loop_length(fabric, law, resolution)
     compared = xr.Dataset(
         {
             "compared_loop_length": ("compared", lengths),
             "compared_spacing": (("set", "compared", "spacing"), spacings),
         },
         {
-            "set": list(test["set_compared"]),
+            "set": sets,
             "compared": np.arange(lengths.size),
             "spacing": ["wale", "course"],
         },
     )
     dataset = rest_dataset(fabric, relaxed, error).merge(compared)
+    if test["rest_line"] and fabric.yarn["friction"] > 0.0:
+        with timings.measure("spacings in which friction lets it rest"):
+            rubbed = relax(solver_fabric(fabric, law, friction=True), relaxed.model.resolution)
+            line = rest_line(rubbed)
+        dataset["rest_line_spacing"] = (("rest_state", "spacing"), line)
+        dataset = dataset.assign_coords(rest_state=np.arange(len(line)))
     if test["fit_density"]:
         with timings.measure("loop length and set fitted to the stated density"):
             fit = fit_density(built, resolution)
@@ -118,6 +133,7 @@ def run(fabric, laws):
     with timings.measure("effect of the assumptions"):
         followed = partial(headlines, resolution=relaxed.model.resolution)
         dataset = dataset.merge(effect_dataset(fabric, closure(STAGE), followed))
+    dataset.attrs["passed_rest_states"] = to_json(passed)
     dataset.attrs["not_reached"] = "; ".join(reasons)
     describe_stage(
         dataset, fabric, STAGE, title=f"Fabric {fabric.name} at rest in the equilibrium model",

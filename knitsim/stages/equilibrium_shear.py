@@ -4,6 +4,7 @@ from knitsim.equilibrium.dataset import pull_dataset
 from knitsim.equilibrium.pull import shear
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import at_rest, both_ways, settings_of
+from knitsim.stages.memory import history_json
 from knitsim.store.timing import Timings
 
 STAGE = "equilibrium_shear"
@@ -21,6 +22,7 @@ def run(fabric, laws):
         )  # fmt: skip
     dataset = pull_dataset(curve, along="shear_angle")
     dataset["diameter"] = fabric.yarn["diameter"]
+    dataset.attrs["history"] = history_json(fabric)
     dataset.attrs["stop_reason"] = curve.stop_reason
     describe_stage(
         dataset, fabric, STAGE, title=f"Equilibrium shear test of {fabric.name}",

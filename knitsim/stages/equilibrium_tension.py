@@ -5,8 +5,9 @@ from functools import partial
 import numpy as np
 
 from knitsim.equilibrium.dataset import pull_dataset
+from knitsim.equilibrium.programme import programme
 from knitsim.equilibrium.pull import tensile
-from knitsim.equilibrium.whole_test import pulled
+from knitsim.equilibrium.whole_test import from_rest, pulled
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import (
     at_rest,
@@ -15,6 +16,7 @@ from knitsim.stages.equilibrium import (
     settings_of,
     variants_dataset,
 )
+from knitsim.stages.memory import cycles_dataset, turns_of
 from knitsim.store.timing import Timings
 
 STAGE = "equilibrium_tension"
@@ -28,10 +30,37 @@ def strains_of(choice, direction):
 
 
 def conditions_of(choice):
-    """Arguments of knitsim.equilibrium.pull.tensile that one condition stands for."""
-    lateral = choice["lateral_load"] if choice["lateral"] == "loaded" else choice["lateral"]
+    """Arguments of knitsim.equilibrium.pull.tensile that one condition stands for, strains excepted."""
     kept = {name: choice[name] for name in ("recovery", "cycles", "to_force")}
-    return {"lateral": lateral, **kept}
+    return {"lateral": _lateral(choice), **kept}
+
+
+def _lateral(choice):
+    return choice["lateral_load"] if choice["lateral"] == "loaded" else choice["lateral"]
+
+
+def tests_of(choice, direction):
+    """(whole test from rest on, the test alone), functions of the fabric at rest."""
+    lateral = _lateral(choice)
+    if choice["programme"] is not None:
+        alone = partial(
+            programme, direction=direction, turns=turns_of(choice["programme"]) * choice["cycles"],
+            lateral=lateral, states=choice["states"],
+        )  # fmt: skip
+
+        def whole(relaxed, **errors):
+            curve = alone(relaxed, **errors)
+            return curve if choice["lateral"] == "loaded" else from_rest(curve)
+
+        return whole, alone
+    test = {
+        "direction": direction, "strains": strains_of(choice, direction), **conditions_of(choice),
+    }  # fmt: skip
+    return partial(pulled, **test), partial(tensile, **test)
+
+
+def _dataset(curve, cycles, steps):
+    return pull_dataset(curve, steps).merge(cycles_dataset(curve, cycles))
 
 
 def headlines(fabric, resolution, direction):
@@ -53,20 +82,18 @@ def headlines(fabric, resolution, direction):
 def run(fabric, laws, direction):
     """(dataset, timings) of a FabricInput pulled in one direction; laws: TensionLaw by form."""
     timings, settings = Timings(STAGE, fabric.name, direction), settings_of(fabric)
-    solved, curves = {}, {}
+    curves = {}
     for name, choice in fabric.scene[STAGE]["variants"].items():
-        strains, conditions = strains_of(choice, direction), conditions_of(choice)
+        whole, alone = tests_of(choice, direction)
         with timings.measure(f"{name}, with its error estimate"):
             relaxed = at_rest(
                 fabric, laws["continuous"], settings.resolution, friction=choice["friction"]
             )
-            curve = pulled(relaxed, direction, strains, **conditions, **settings.errors)
+            curve = whole(relaxed, **settings.errors)
         curves[name] = curve
-        solved[name] = curve, partial(pull_dataset, curve)
-        timings.repeat(
-            f"{name}, {curve.steps - 1} states from rest",
-            partial(tensile, curve.start, direction, strains, **conditions),
-        )
+        timings.repeat(f"{name}, {curve.steps - 1} states from rest", partial(alone, curve.start))
+    cycles = max(int(curve.cycle.max(initial=1)) for curve in curves.values())
+    solved = {name: (curve, partial(_dataset, curve, cycles)) for name, curve in curves.items()}
     followed = partial(headlines, resolution=finest(curves.values()), direction=direction)
     dataset = variants_dataset(fabric, STAGE, solved, followed, timings)
     describe_stage(

@@ -94,7 +94,7 @@ def _cells(row, label):
 def run(files):
     """Dataset of the KES parameters of a fabric, one a row; files: the results of its tests."""
     rows, tests, assumed, first = [], {}, {}, attributes(next(iter(files)))
-    about = {name: first[name] for name in ("fabric", "yarn")}
+    about = {name: first[name] for name in ("fabric", "yarn", "pattern")}
     for test in opened(files):
         rows += rows_of(test)
         configuration = json.loads(test.attrs["configuration"])

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 # Attributes of every file that say what it is about; empty where one does not apply.
 LABELS = ("kind", "yarn", "fabric", "pattern", "model", "direction", "calibration")
-PATTERN = "jersey"  # of every fabric so far
 MODELS = ("kinematic", "equilibrium")
 DIRECTIONS = ("course", "wale")
 
@@ -93,8 +92,8 @@ def path_of(stage, **labels):
 def labels_of(stage, fabric="", yarn="", **more):
     """The attributes :data:`LABELS` of a file of ``stage`` about a fabric or a yarn, by their names.
 
-    more: direction or calibration.
+    more: pattern, direction or calibration.
     """
     known = {"kind": RESULTS[stage].kind, "model": RESULTS[stage].model, "fabric": fabric}
-    known |= {"yarn": yarn, "pattern": PATTERN if fabric else "", **more}
+    known |= {"yarn": yarn, **more}
     return {name: known.get(name, "") for name in LABELS}

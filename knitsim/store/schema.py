@@ -78,6 +78,10 @@ COORDINATES = {
     "curvature": Name("m-1", "curvature, positive when the technical face is convex"),
     "phase": Name(None, "loading or recovery"),
     "cycle": Name("1", "number of the cycle, from 1"),
+    "round": Name("1", "number of the cycle that a value is of, from 1"),
+    "rest_state": Name(
+        "1", "number of the state at rest: pulled along the course, as it is, along the wale"
+    ),
     "segment": Name("1", "number of the turning point that the test goes towards, from 0"),
     "row": Name("1", "number of the row of a table"),
     "test": Name(None, "test: its kind (tensile, bending or shear), or as the library writes it"),
@@ -177,6 +181,13 @@ VARIABLES = {
     "energy": Name("J", "energy per loop"),
     "work": Name("J", "work done per loop, cumulative"),
     "dissipated": Name("J", "energy lost per loop, cumulative"),
+    "cycle_peak_force_per_width": Name("N m-1", "largest force over the width of a cycle"),
+    "cycle_residual_strain": Name("1", "strain left after a cycle where it ends without force"),
+    "cycle_dissipated": Name("J", "energy lost per loop in a cycle, its hysteresis"),
+    "cycles_to_close": Name("1", "cycle from which on the peak force stays within 1 %"),
+    "growth": Name("1", "residual strain after the last cycle less that after the first"),
+    "return_point_change": Name("1", "largest change of force where the test comes back to a strain"),
+    "rest_line_spacing": Name("m", "spacings in which friction lets the fabric rest, from end to end"),
     "min_distance": Name("1", "smallest distance of yarn centre lines, in yarn diameters"),
     "crossings_intact": Name(
         None, "whether the loops are interlooped", ("lost", "intact", "not_reached")

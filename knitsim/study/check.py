@@ -5,9 +5,11 @@ import re
 from dataclasses import dataclass
 
 from knitsim import units
+from knitsim.equilibrium.pattern import Pattern
 from knitsim.errors import InputError
 from knitsim.study.count import count_of
 from knitsim.study.trade import MEANT
+from knitsim.study.turns import check_history, check_turns
 
 _NAME = re.compile(r"[A-Za-z0-9]([A-Za-z0-9_.+-]{0,58}[A-Za-z0-9])?")
 
@@ -112,10 +114,10 @@ def check_name(name, where):
 def check_points(key, raw, where, sweeps):
     """Points of ``key`` from a plain value, a list (a sweep) or a mapping with ``assumed``."""
     assumption = {}
-    if isinstance(raw, dict) and key.kind != "mapping":
+    if isinstance(raw, dict) and key.kind not in ("mapping", "turns", "history"):
         assumption = _assumption(key, raw, where)
         raw, where = raw["assumed"], f"{where}.assumed"
-    is_sweep = isinstance(raw, list) and (not key.is_list or any(isinstance(v, list) for v in raw))
+    is_sweep = isinstance(raw, list) and _sweeps(key, raw)
     if is_sweep and not sweeps:
         raise InputError(
             where, shown(raw), "must be one value; lists make sweeps of yarns and fabrics only"
@@ -130,6 +132,16 @@ def check_points(key, raw, where, sweeps):
             raise InputError(where, shown(value), f"must lie within its range, {low:g} to {high:g}")
         stated.append(Stated(checked, **assumption))
     return Points(key, tuple(stated), is_sweep)
+
+
+def _sweeps(key, raw):
+    """Whether a list is a sweep of the key, not one value of it."""
+    if key.kind == "pattern":
+        # The rows of one pattern are letters; names, and lists of rows, are patterns each.
+        return any(isinstance(v, list) or set(str(v)) - {"k", "p"} for v in raw)
+    if key.kind == "history":
+        return any(isinstance(v, (list, str)) for v in raw)
+    return not key.is_list or any(isinstance(v, list) for v in raw)
 
 
 def _assumption(key, raw, where):
@@ -203,6 +215,8 @@ def check_value(key, value, where):
                     where, shown(value), "must be a whole number from 1, or a list of them"
                 )
         return value
+    if key.kind in _OWN:
+        return _OWN[key.kind](value, where)
     if not isinstance(value, list):
         raise InputError(where, shown(value), "must be a list, in brackets")
     if not value and not key.may_be_empty:
@@ -217,6 +231,13 @@ def check_value(key, value, where):
         if choice in value[:i]:
             raise InputError(f"{where}[{i}]", shown(choice), "stands twice in the list")
     return value
+
+
+_OWN = {
+    "pattern": lambda value, where: str(Pattern.of(value, where)),
+    "turns": check_turns,
+    "history": check_history,
+}
 
 
 def _check_number(key, value, where):

@@ -4,6 +4,7 @@ import itertools
 import math
 
 from knitsim.equilibrium.contact import LAWS
+from knitsim.equilibrium.pattern import Pattern
 from knitsim.errors import InputError
 from knitsim.study.schema import STAGES, closure
 from knitsim.units import from_si
@@ -151,9 +152,17 @@ def check_scene(scene, stated):
 
 
 def check_fabric(fabric):
-    """Raises InputError if the yarn of ``fabric`` (a FabricInput) is too thick for its spacings."""
+    """Raises InputError if the yarn of ``fabric`` (a FabricInput) is too thick for its spacings, or it has
+    other courses than its pattern.
+    """
     _check_loop_length(fabric)
-    diameter = fabric.yarn["diameter"]
+    diameter, pattern = fabric.yarn["diameter"], Pattern.of(fabric["pattern"])
+    ratios = fabric["course_length_ratios"]
+    if ratios is not None and len(ratios) != pattern.courses:
+        raise InputError(
+            fabric.where("course_length_ratios"), ratios,
+            f"must be one for each of the {pattern.courses} courses of pattern {pattern}",
+        )  # fmt: skip
     for quantity, what in (("wale_spacing", "wale"), ("course_spacing", "course")):
         if fabric.is_stated(quantity) and fabric[quantity] <= diameter:
             raise InputError(
@@ -161,7 +170,14 @@ def check_fabric(fabric):
                 f"is a {what} spacing of {fabric[quantity] * 1e3:.4g} mm: must be above "
                 f"the {diameter * 1e3:.4g} mm of its yarn {fabric.yarn.name} (yarn too thick)",
             )
-    _check_density(fabric)
+    rest = fabric.scene["equilibrium_rest"]
+    if fabric["pattern"] == "jersey":
+        _check_density(fabric)
+    elif rest is not None and rest["fit_density"] and not fabric.is_stated("wale_spacing"):
+        raise InputError(
+            fabric.scene.where("equilibrium_rest.fit_density"), "true",
+            f"needs the density of fabric {fabric.name} (wales_per_cm, courses_per_cm)",
+        )  # fmt: skip
     _check_curvature(fabric, diameter)
 
 

@@ -58,7 +58,8 @@ class Key:
     alternatives, and default, because and plausible are read from the first of them.
     kind: number, integer, count (of a yarn, a number or as the trade writes it), flag, choice, text,
     numbers, choices or words (lists), mapping (names to text or numbers), lines (how many first lines, or
-    a list of line numbers).
+    a list of line numbers), pattern (of knit and purl), turns, history
+    (:mod:`knitsim.study.turns`).
     unit: a unit of knitsim.units, None if dimensionless.  allowed: an interval, in the key's unit.
     default: REQUIRED, None (may be left out), a value in the key's unit, or a rule: a function of
     the SI values that are stated, or stand before it in the table, that returns the SI value, None for
@@ -95,7 +96,7 @@ class Key:
     @property
     def is_list(self):
         """Whether one value of the key is itself a list."""
-        return self.kind in ("numbers", "choices", "words", "lines")
+        return self.kind in ("numbers", "choices", "words", "lines", "turns")
 
     @property
     def stem(self):

@@ -31,16 +31,19 @@ class Free:
 
 
 def names_of(fabric, on_request=None):
-    """Names of the calibrations of a FabricInput, that as given first; none without measured curves.
+    """Names of the calibrations that a FabricInput is predicted with, that as given first; none without
+    measured curves, of its own or of the fabric that it is calibrated on.
 
     on_request: only those that are (True), or are not (False), made on request.
     """
-    if not fabric["measured"]:
+    source = fabric.calibrated_on or fabric
+    if not source["measured"]:
         return []
     given = [] if on_request else [GIVEN]
     return given + [
-        name for name, entry in fabric["calibrations"].items()
-        if on_request is None or entry["on_request"] == on_request
+        name for name, entry in source["calibrations"].items()
+        if on_request in (None, entry["on_request"])
+        and (source is fabric or all(PARAMETERS[free].is_of_yarn for free in entry["free"]))
     ]  # fmt: skip
 
 
@@ -61,7 +64,27 @@ def config_of(fabric, name):
     config = fabric.config(STAGE)
     own = {key: value for key, value in fabric["calibrations"].items() if key == name}
     config["values"] = config["values"] | {"calibrations": own}
+    if fabric.calibrated_on is not None:
+        config["calibrated_on"] = config_of(fabric.calibrated_on, name)
     return config
+
+
+def calibrate_on(fabric, fabrics):
+    """Tell a FabricInput on which of the ``fabrics`` (by name) it is calibrated, if its study says so.
+
+    Raises InputError for one that does not exist, has another yarn or no calibration.
+    """
+    name = (fabric["prediction"] or {}).get("calibrated_on")
+    if name is None:
+        return
+    key, other = fabric.where("prediction.calibrated_on"), fabrics.get(name)
+    if other is None or other is fabric:
+        raise InputError(key, name, "must be another fabric of the study")
+    if other.yarn.name != fabric.yarn.name:
+        raise InputError(key, name, f"must be of the same yarn, {fabric.yarn.name}")
+    if not other["calibrations"]:
+        raise InputError(key, name, "must be a fabric with calibrations")
+    fabric.calibrated_on = other
 
 
 def meaningless(yarn, name):

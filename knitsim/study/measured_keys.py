@@ -224,6 +224,8 @@ PREDICTION = Section(
     "and as given.",
     stage=STAGE,
     keys=(
+        Key("calibrated_on", "calibrated_on", "text", "Another fabric of the same yarn, of any pattern: this "
+            "one is predicted with each of its calibrations that frees inputs of the yarn alone."),
         Key("to_force_N_per_mm", "to_force", "number", "Largest force per width in tension; without "
             "it the largest measured one, or 0.049 N/mm (50 gf/cm).", unit="N_per_mm",
             allowed="(0, 1e3]"),

@@ -138,7 +138,8 @@ class Resolver:
             return self._given(section, main, given[0], stated, prefix)
         if main.quantity in outer:
             return outer[main.quantity]
-        if main.default is REQUIRED:
+        default = main.default(values) if callable(main.default) else main.default
+        if default is REQUIRED:
             names = " or ".join(key.name for key in keys)
             missing = f"is missing; give {names}" if len(keys) > 1 else "is missing"
             raise InputError(here + main.name, None, f"{missing} ({main.about.rstrip('.')})")
@@ -166,7 +167,11 @@ class Resolver:
             if si is None:
                 return None
             value = units.from_si(si, key.unit) if key.unit else si
-            low, high = sorted(factor * value for factor in key.plausible or (1.0, 1.0))
+            low, high = (
+                sorted(factor * value for factor in key.plausible)
+                if key.plausible
+                else (value, value)
+            )
             if key.kind == "integer":
                 low, high = math.floor(low), math.ceil(high)
         else:

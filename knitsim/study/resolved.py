@@ -2,6 +2,7 @@
 
 import copy
 import json
+from types import MappingProxyType
 
 from knitsim import units
 from knitsim.errors import InputError
@@ -9,6 +10,8 @@ from knitsim.study.check import check_points, check_section
 from knitsim.study.cross_checks import check_scene
 from knitsim.study.resolve import Resolver, replaced
 from knitsim.study.schema import SCENE
+
+KINEMATIC_IS_JERSEY = "the kinematic model has jersey only, and this is {}"
 
 
 class Resolved:
@@ -154,6 +157,7 @@ class SceneInput(Resolved):
     """A test programme; ``scene["tensile_test"]`` is None if that test is not run."""
 
     section = SCENE
+    left_out = MappingProxyType({})  # tests that are stated but not run: why
 
     def __init__(self, file, base, point, label, tree):
         super().__init__(file, base, point, label, tree)
@@ -179,6 +183,20 @@ class SceneInput(Resolved):
         """``yarn`` or ``fabric``: what the scene tests."""
         tested = (part.of for part in SCENE.sections if self.values[part.name] is not None)
         return next(tested, "")
+
+    def for_pattern(self, pattern):
+        """The tests that a fabric of a pattern can have: those of the kinematic model are jersey's."""
+        left = {
+            name: KINEMATIC_IS_JERSEY.format(pattern)
+            for name, values in self.values.items()
+            if values is not None and name.startswith("kinematic_")
+        }
+        if pattern == "jersey" or not left:
+            return self
+        other = copy.copy(self)
+        other.left_out = left
+        other._resolve({name: one for name, one in self._tree.items() if name not in left})
+        return other
 
     @property
     def needs_loop(self):

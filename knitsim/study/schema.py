@@ -8,6 +8,7 @@ fabric, add a section to SCENE and its stage to STAGES.
 import math
 
 from knitsim import units
+from knitsim.equilibrium.pattern import NAMED
 from knitsim.study.contact_keys import Live, barrier_key, law_sections
 from knitsim.study.keys import REQUIRED, Key, Section
 from knitsim.study.measured_keys import (
@@ -18,6 +19,7 @@ from knitsim.study.measured_keys import (
     SENSITIVITY,
     ZERO_KEY,
 )
+from knitsim.study.memory_keys import FRICTION_KEYS, HISTORY, PROGRAMME, REST_LINE
 from knitsim.study.trade import (
     course_spacing_rule,
     diameter_rule,
@@ -210,10 +212,7 @@ YARN = Section(
         Key("friction", "friction", "number", "Coulomb friction coefficient of yarn on yarn.",
             allowed="[0, 1]", default=0.2, plausible=(0.1, 0.3), stages=("equilibrium",),
             because="not in the paper; waxed to unwaxed spun yarn"),
-        Key("bending_hysteresis_mN_mm", "bending_hysteresis", "number", "Couple by which the moment of "
-            "the bent yarn lags behind its curvature, half the width of its loop; used in bending of "
-            "the fabric with friction.", unit="mN_mm", allowed="[0, 1e6]", default=0.0,
-            stages=("equilibrium_bending",)),
+        *FRICTION_KEYS,
         Key("modulus_N_per_tex", "modulus", "number", "Tension per strain and count, constant up to the "
             "break; for a yarn without tension_law and tension_curve.", unit="N_per_tex", allowed="(0, 1000]",
             default=modulus_rule, plausible=(0.5, 4.0), stages=("law",),
@@ -231,12 +230,21 @@ YARN = Section(
 
 FABRIC = Section(
     name="fabric",
-    about="One plain weft-knitted fabric.",
+    about="One weft-knitted fabric.",
     sections=(MEASURED, CALIBRATIONS, PREDICTION),
     keys=(
         Key("source", "source", "text", "Where the data come from.", stages=ALL),
         Key("yarn", "yarn", "text", "A name in yarns.yaml.", default=REQUIRED),
-        Key("loop_length_mm", "loop_length", "number", "Length of yarn in one loop.", unit="mm",
+        Key("pattern", "pattern", "pattern", "Knit (k) and purl (p) as seen from the technical face: a "
+            f"name ({', '.join(NAMED)}), or the rows of the repeat from the bottom up, `kp/pk` or "
+            "`[kp, pk]`, at most 8 x 8. The kinematic model has jersey only: its tests are left out of "
+            "other patterns.", default="jersey", stages=("centre_line",)),
+        Key("set", "set", "number", "Part of the stated loop's curvature that the yarn has taken "
+            "as its rest shape.", allowed="[0, 1]", default=0.0, plausible=(0.0, 0.9),
+            stages=("equilibrium",),
+            because="not in the paper; 0 is a yarn that would be straight"),
+        Key("loop_length_mm", "loop_length", "number", "Length of yarn in one loop (stitch), the "
+            "mean of the pattern.", unit="mm",
             allowed="(0, 200]", default=loop_length_rule, stages=("centre_line",)),
         Key("tightness_factor", "tightness_factor", "number", "Instead of the loop length: sqrt(tex) over "
             "loop length in cm.", allowed="(0, 1000]", stages=("centre_line",), gives="loop_length"),
@@ -245,7 +253,8 @@ FABRIC = Section(
             stages=("centre_line",), gives="loop_length"),
         Key("gsm", "mass_per_area", "number", "The same.", unit="g_per_m2", allowed="(0, 1e5]",
             stages=("centre_line",), gives="loop_length"),
-        Key("wales_per_cm", "wale_spacing", "number", "Wales per cm of width.", unit="loops_per_cm",
+        Key("wales_per_cm", "wale_spacing", "number", "Wales per cm of width, of face "
+            "and back together.", unit="loops_per_cm",
             allowed="(0, 100]", default=wale_spacing_rule, plausible=(0.9, 1.1), stages=("centre_line",),
             because="not stated; a plain fabric at rest, whose loop length is 3.7 to 4.5 wale spacings; at "
             "rest the equilibrium model finds its own"),
@@ -264,6 +273,9 @@ FABRIC = Section(
             allowed="(0, 100]"),
         Key("density_checked", "density_checked", "flag", "That the fabric really has fewer courses than "
             "wales, which is asked about.", default=False, stages=("centre_line",)),
+        Key("course_length_ratios", "course_length_ratios", "numbers", "Loop lengths of the courses of the "
+            "pattern to each other, from the bottom up, where they differ; yarn slides from stitch to "
+            "stitch within a course.", allowed="(0, 100]", stages=("equilibrium",)),
         Key("centre_line", "centre_line", "choice",
             "spline: through the six anchors of each half loop, as in the "
             "paper. curve: Choi and Lo's curve itself.", choices=("spline", "curve"),
@@ -272,10 +284,7 @@ FABRIC = Section(
             "so they are taken from the curve of Choi and Lo (2003)"),
         Key("sections_per_loop", "sections_per_loop", "integer", "Yarn sections along one loop.",
             allowed="[16, 10000]", default=100, stages=("loop",)),
-        Key("set", "set", "number", "Part of the stated loop's curvature that the yarn has taken "
-            "as its rest shape.", allowed="[0, 1]", default=0.0, plausible=(0.0, 0.9),
-            stages=("equilibrium",),
-            because="not in the paper; 0 is a yarn that would be straight"),
+        HISTORY,
         Key("scene", "scene", "text", "The test programme: a name in scenes.yaml.",
             default="paper_fabric"),
     ),
@@ -420,6 +429,7 @@ EQUILIBRIUM_REST = Section(
         Key("cell", "cell", "choice", "symmetric: only what the symmetry of pattern and test leaves of "
             "the cell is solved. full: all of it, without symmetry.", choices=("symmetric", "full"),
             default="symmetric"),
+        REST_LINE,
         Key("fit_density", "fit_density", "flag", "Also fit loop length and set so that the fabric at "
             "rest has the stated density.", default=False),
         Key("set_compared", "set_compared", "numbers", "Fractions of set at which the relaxed "
@@ -443,6 +453,7 @@ EQUILIBRIUM_TENSION_KEYS = (
     Key("recovery", "recovery", "flag", "Recover to zero force after loading.", default=False),
     Key("cycles", "cycles", "integer", "Times that the fabric is loaded and recovers.",
         allowed="[1, 1000]", default=1),
+    PROGRAMME,
     Key("to_force_gf_per_cm", "to_force", "number", "Loading ends at this force per width where it "
         "comes before the largest strain; KES: 50 for knits, 500.", unit="gf_per_cm",
         allowed="(0, 1e6]"),

@@ -18,11 +18,13 @@ from knitsim.study.by_hand import stated_tree, with_signature
 from knitsim.study.check import check_name, check_section, shown
 from knitsim.study.cross_checks import check_fabric, check_yarn
 from knitsim.study.ledger import model_assumptions
-from knitsim.study.measured_checks import check_measured
+from knitsim.study.measured_checks import calibrate_on, check_measured
 from knitsim.study.resolve import expand
 from knitsim.study.resolved import Resolved, SceneInput
 from knitsim.study.schema import FABRIC, SCENE, YARN, closure
 from knitsim.study.yaml_file import read_yaml
+
+KINEMATIC_IS_JERSEY = "the kinematic model has jersey only, and this is {}"
 
 
 @with_signature(YARN)
@@ -122,6 +124,7 @@ class Fabric(Resolved):
 
     section = FABRIC
     parts = ("yarn", "scene")
+    calibrated_on = None  # the fabric whose calibrations it takes
 
     def __init__(self, yarn: Yarn, *, name: str = "fabric", **keys: Any) -> None:
         if not isinstance(yarn, Yarn):
@@ -139,7 +142,7 @@ class Fabric(Resolved):
     def _make(self, file, base, point, label, tree, yarn, scenes, folders):
         self.yarn = yarn
         Resolved.__init__(self, file, base, point, label, tree)
-        self.scene = _scene_of(self, scenes, "fabric")
+        self.scene = _scene_of(self, scenes, "fabric").for_pattern(self["pattern"])
         self._folders = folders
         self._check()
         check_measured(self)
@@ -148,10 +151,16 @@ class Fabric(Resolved):
         return {} if self.yarn is None else {"linear_density": self.yarn["linear_density"]}
 
     def __repr__(self) -> str:
-        wales, courses = (0.01 / self[f"{one}_spacing"] for one in ("wale", "course"))
+        pattern = "" if self["pattern"] == "jersey" else f"{self['pattern']}, "
+        density = [
+            f"{0.01 / self[f'{one}_spacing']:.4g} {one}s"
+            for one in ("wale", "course")
+            if self[f"{one}_spacing"] is not None
+        ]
+        density = f"{' and '.join(density)} per cm, " if density else ""
         return (
-            f"<Fabric{self._named()}: {wales:.4g} wales and {courses:.4g} courses per cm, loop length "
-            f"{1e3 * self['loop_length']:.4g} mm, yarn of {1e6 * self.yarn['linear_density']:.4g} tex>"
+            f"<Fabric{self._named()}: {pattern}{density}loop length {1e3 * self['loop_length']:.4g} mm, "
+            f"yarn of {1e6 * self.yarn['linear_density']:.4g} tex>"
         )
 
     def _check(self):
@@ -331,6 +340,8 @@ def load_study(path, fallback="config"):
                 both = ",".join(part for part in (label, yarn_label) if part)
                 fabric = Fabric.read(file, base, point_and_yarn, both, one, yarn, scenes, folders)
                 fabrics[fabric.name] = fabric
+    for fabric in fabrics.values():
+        calibrate_on(fabric, fabrics)
     return Study(path, yarns, fabrics, scenes)
 
 

@@ -71,14 +71,23 @@ def loop_length_rule(fabric):
     )
 
 
+def _of_jersey(fabric, key):
+    """True for jersey, None for a pattern whose density only the equilibrium model knows."""
+    if fabric["pattern"] == "jersey":
+        return True
+    if fabric["set"] > 0.0:
+        raise Missing(f"set is of the loop at a stated density; give {key}")
+    return None
+
+
 def wale_spacing_rule(fabric):
-    """loop length/4.1, Munden's constant kw."""
-    return fabric["loop_length"] / KW
+    """loop length/4.1, Munden's constant kw; of another pattern than jersey none."""
+    return _of_jersey(fabric, "wales_per_cm") and fabric["loop_length"] / KW
 
 
 def course_spacing_rule(fabric):
-    """loop length/5.3, Munden's constant kc."""
-    return fabric["loop_length"] / KC
+    """loop length/5.3, Munden's constant kc; of another pattern than jersey none."""
+    return _of_jersey(fabric, "courses_per_cm") and fabric["loop_length"] / KC
 
 
 # Names of the trade, in small letters, and the keys that they mean here.

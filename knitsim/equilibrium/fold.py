@@ -1,0 +1,107 @@
+"""States at rest with less symmetry than their pattern has: a rib folds.
+
+Where the state that has all symmetries is unstable, the eigenvector of the lowest eigenvalue of the full
+cell's Hessian says which way it gives.  A step along it keeps some of the symmetries; with these the
+fabric finds its next state, and so on until it is stable.
+
+>>> from knitsim.equilibrium.fabric import Fabric
+>>> from knitsim.equilibrium.relax import relax
+>>> from knitsim.yarn.law import paper_k3
+>>> rib = Fabric(None, None, 5.56e-3, 0.2793e-3, 5e-9, paper_k3(True), pattern="rib_1x1")
+>>> rest = relax(rib)
+>>> len(rib.pattern.symmetries()), len(rest.model.cell.symmetries), len(rest.passed)
+(4, 2, 1)
+"""
+
+import numpy as np
+from scipy.linalg import eigh
+
+from knitsim.equilibrium.cell import owners, symmetries_of
+from knitsim.equilibrium.fabric import Resolution
+from knitsim.equilibrium.kernels.energy import energy_of, new_work
+from knitsim.equilibrium.kernels.pairs import pairs_at
+from knitsim.equilibrium.kernels.records import LATTICE
+from knitsim.equilibrium.model import build_model, carried
+from knitsim.errors import ComputationError
+
+MOST_LOOPS = 16  # in a cell that is searched
+FOLDS = 4  # losses of symmetry followed, one after the other
+STEP = 0.3  # diameters, largest of a step along an eigenvector
+SYMMETRIC = 0.02  # of the step: to what an operation must hold
+KEPT = 0.02  # diameters: to what it must hold at rest
+LESS = 1e-6  # of the energy: how much less counts
+UNSTABLE = 1e-9  # of the largest eigenvalue: a negative one that is more than round-off
+
+
+def lowest_mode(model, y):
+    """Lowest eigenvalue of the frictionless Hessian of a full cell over its largest diagonal entry (1),
+    and its eigenvector by all unknowns (longest move of a control point or spacing 1).
+
+    What a move costs counts against how far control points move, so that it does not matter which of
+    them are held against rigid motions.
+    """
+    free, work = model.free(0, 3), new_work(model.scene)
+    energy_of(model.scene, y, pairs_at(model.scene, y, 0.0, work), (), np.int64(2), work)
+    hessian = work.hessian[np.ix_(free, free)]
+    whole = model.cell.whole
+    place = np.zeros((len(whole.rows), y.size))
+    place[owners(whole), whole.entries.column] = whole.entries.value
+    place[-LATTICE:] *= np.sqrt(model.cell.points)
+    value, vector = eigh(hessian, (place.T @ place)[np.ix_(free, free)], subset_by_index=[0, 0])
+    mode = np.zeros(y.size)
+    mode[free] = vector[:, 0]
+    moved = np.append((place @ mode)[:-LATTICE], mode[-LATTICE:-1])
+    # The sign is a convention of the library that found it.
+    mode /= moved[np.argmax(np.abs(moved))]
+    return value[0] / hessian.diagonal().max(), mode
+
+
+def folded(one, y, used):
+    """Model, unknowns, iterations of a stable state at rest, and the unstable ones that were left.
+
+    one, y: the state with all symmetries; the states left: [(wale spacing, course spacing (m), energy
+    per loop (J))].
+    """
+    from knitsim.equilibrium.relax import settle
+
+    fabric, resolution = one.fabric, Resolution(one.cell.points, one.cell.contacts)
+    state, left = settle(one, y, one.free(0, 3)), []
+    full = build_model(fabric, resolution, "none", sparse=False)
+    for _ in range(FOLDS if full.loops <= MOST_LOOPS else 0):
+        flat = carried(full, one, state.y)
+        value, mode = lowest_mode(full, flat)
+        if value >= -UNSTABLE:
+            break
+        step = STEP * fabric.diameter
+        disturbed = flat + step * mode
+        kept = symmetries_of(full.cell, disturbed, SYMMETRIC * step)
+        less = build_model(fabric, resolution, kept)
+        try:
+            found = settle(less, carried(less, full, disturbed), less.free(0, 3), state.iterations)
+        except ComputationError:
+            break
+        if not found.energy.sum() < (1.0 - LESS) * state.energy.sum():
+            break
+        left.append((state.wale_spacing, state.course_spacing, float(state.energy.sum())))
+        one, state = less, found
+    if left:
+        one, state = _with_symmetry(one, state)
+    return one, state.y, used + state.iterations, tuple(left)
+
+
+def _with_symmetry(one, state):
+    """The state in a cell with all symmetries that it has: a step along a mode may have lost more."""
+    from knitsim.equilibrium.relax import settle
+
+    fabric, resolution = one.fabric, Resolution(one.cell.points, one.cell.contacts)
+    full = build_model(fabric, resolution, "none")
+    kept = symmetries_of(full.cell, carried(full, one, state.y), KEPT * fabric.diameter)
+    if len(kept) <= len(one.cell.symmetries):
+        return one, state
+    more = build_model(fabric, resolution, kept)
+    try:
+        found = settle(more, carried(more, one, state.y), more.free(0, 3), state.iterations)
+    except ComputationError:
+        return one, state
+    same = found.energy.sum() <= (1.0 + LESS) * state.energy.sum()
+    return (more, found) if same else (one, state)
