@@ -115,9 +115,10 @@ def test_many_noisy_points_are_thinned_to_passes_of_one_way():
 
 def test_the_band_of_a_measured_test_holds_the_numerical_error(relaxed):
     test = BendingPoints(measured(relaxed, "one side", "course"))
-    found = Predictor(COTTON, resolution=COARSE).measured_bending(test)
+    predictor = Predictor(COTTON, resolution=COARSE)
+    found = predictor.measured_bending(test)
     one = found.quantities["moment_change"]
-    np.testing.assert_allclose(one.value, bending_points(test, relaxed), rtol=1e-6)
+    np.testing.assert_allclose(one.value, bending_points(test, predictor.rest), rtol=1e-6)
     np.testing.assert_allclose(one.high - one.value, one.numerical_error)
     assert (found.at == test.at).all() and (one.numerical_error > 0.0).all()
 

@@ -373,7 +373,8 @@ def test_files_of_a_study(paper):
     assert names == [
         "yarns.yaml", "fabrics.yaml", "scenes.yaml", "curves/polyester_rebuilt.csv",
         "curves/cotton_rebuilt.csv", "curves/acrylic_wale_pins.csv",
-        "curves/acrylic_wale_clamps.csv",
+        "curves/acrylic_wale_clamps.csv", "curves/acrylic_jersey_wale.csv",
+        "curves/acrylic_jersey_course.csv",
     ]  # fmt: skip
 
 

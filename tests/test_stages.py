@@ -220,7 +220,7 @@ def test_a_yarn_thicker_than_any_loop_is_refused_by_its_key(tmp_path):
     message = str(refused.value)
     assert "yarns.yaml: small.diameter_mm = 0.166942: fabric small: yarn too thick" in message
     # What it says would be right is accepted.
-    assert "must be 0.00015 m or less" in message
+    assert "must be 0.00015 m (0.15 mm) or less" in message
     small_with(tmp_path, "yarns.yaml", "diameter_mm", 0.15)
     fabrics = yaml.safe_load((SMALL / "fabrics.yaml").read_text())
     fabrics["small"]["loop_length_mm"] = 0.6

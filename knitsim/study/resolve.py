@@ -138,8 +138,7 @@ class Resolver:
             return self._given(section, main, given[0], stated, prefix)
         if main.quantity in outer:
             return outer[main.quantity]
-        default = main.default(values) if callable(main.default) else main.default
-        if default is REQUIRED:
+        if main.default is REQUIRED:
             names = " or ".join(key.name for key in keys)
             missing = f"is missing; give {names}" if len(keys) > 1 else "is missing"
             raise InputError(here + main.name, None, f"{missing} ({main.about.rstrip('.')})")

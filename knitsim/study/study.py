@@ -38,7 +38,7 @@ class Yarn(Resolved):
     >>> import knitsim as ks
     >>> yarn = ks.Yarn(count_tex=19.7, friction=0.25, bending_rigidity_N_mm2=2e-3)
     >>> yarn
-    <Yarn: 19.7 tex, diameter 0.1657 mm, 10 inputs assumed>
+    <Yarn: 19.7 tex, diameter 0.1657 mm, 11 inputs assumed>
     >>> ks.Yarn(count_tex=19.7, friction=25)  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     knitsim.errors.InputError: yarn.friction = 25: must be at least 0 and at most 1 ...

@@ -11,7 +11,7 @@ import numpy as np
 from knitsim.verification.judge.given import Barrier
 
 SPREAD = 1.1  # spacings of contact points beyond the diameter up to which cells may touch
-THIN = 2e-3  # of d (d - core): least change of the square over a cell; smaller ones are rounded off to it
+THIN = 1e-3  # of d (d - core): least change of the square over a cell; smaller ones are rounded off to it
 PLACES = 16  # of the rule, in each piece
 _AT, _WEIGHT = (0.5 * x for x in np.polynomial.legendre.leggauss(PLACES))
 _STEP = 1e-30  # of complex derivatives
