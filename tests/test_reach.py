@@ -26,7 +26,9 @@ def solved(table):
     many = ks.sweep(fabric, table=table, tests=TESTS, progress=False, processes=1)
     reasons = [str(why) for why in many["reason"].values]
     # A refusal by a key comes before any computing: there is none.
-    refused = [why for why in reasons if "must be" in why or "is no key" in why or "is missing" in why]
+    refused = [
+        why for why in reasons if "must be" in why or "is no key" in why or "is missing" in why
+    ]
     assert not refused
     force = many["force_per_width"].max("step").values
     whole = np.array([not why for why in reasons])
