@@ -1,4 +1,4 @@
-"""No model gates another: what one cannot draw, the other computes; what neither can is told what would work."""
+"""No model gates another; where none can compute a fabric, the refusal tells what would work."""
 
 import re
 
