@@ -138,12 +138,14 @@ class Resolver:
             return self._given(section, main, given[0], stated, prefix)
         if main.quantity in outer:
             return outer[main.quantity]
-        default = main.default(values) if callable(main.default) else main.default
-        if default is REQUIRED:
+        found = REQUIRED
+        if main.default is not REQUIRED:
+            found = self._default(section, main, prefix, values)
+        if found is REQUIRED:
             names = " or ".join(key.name for key in keys)
             missing = f"is missing; give {names}" if len(keys) > 1 else "is missing"
             raise InputError(here + main.name, None, f"{missing} ({main.about.rstrip('.')})")
-        return self._default(section, main, prefix, values)
+        return found
 
     def _given(self, section, main, key, stated, prefix):
         if main.default is None and main.because and not stated.because:
@@ -164,8 +166,8 @@ class Resolver:
             if isinstance(si, Follows):
                 self.derived[f"{prefix}{key.quantity}"] = si.how
                 return si.value
-            if si is None:
-                return None
+            if si is None or si is REQUIRED:
+                return si
             value = units.from_si(si, key.unit) if key.unit else si
             low, high = (
                 sorted(factor * value for factor in key.plausible)
