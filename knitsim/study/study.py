@@ -307,6 +307,9 @@ class Study:
         self.files = [path / f"{name}.yaml" for name in ("yarns", "fabrics", "scenes")]
         self.files += list(dict.fromkeys(curves))
 
+    def __repr__(self) -> str:
+        return f"<Study {self.path}: {len(self.yarns)} yarns, {len(self.fabrics)} fabrics>"
+
     def assumptions(self):
         """The ledger of the study: one Assumption for each subject and key."""
         rows = model_assumptions()
