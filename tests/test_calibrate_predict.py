@@ -131,9 +131,9 @@ def test_what_is_not_reached_is_said():
     assert any("not reached" in note for note in outcome.notes)
 
 
-def test_a_predictor_needs_one_source(calibration):
-    with pytest.raises(InputError, match="not both"):
-        Predictor(ACRYLIC, calibration)
+def test_a_predictor_needs_a_source():
+    with pytest.raises(InputError, match="needs a fabric, a calibration"):
+        Predictor()
     with pytest.raises(InputError, match="rise"):
         Predictor(ACRYLIC, resolution=COARSE).tension("wale", [3.0, 2.0])
 

@@ -21,7 +21,7 @@ COTTON = Case(0, 1.4993e-3, 1.2005e-3, 5.56e-3, D, 5e-9, *LAW, Barrier(1000.0), 
 SMOOTH = replace(COTTON, friction=0.0)
 # A soft shell, pressed to a tenth of its thickness where the fabric is at rest.
 SHELL = replace(COTTON, diameter=1.3 * D, contact=Core(0.8 * D, 1e9, 2.4))
-OUT = (*FIRST, *np.linspace(0.02, 0.2, 10))
+OUT = (*FIRST, *np.linspace(0.01, 0.2, 20))
 BACK = (*OUT[:-1], 0.195, 0.1975, 0.2)
 KINDS = {
     "pulled": (COTTON, Asked("tension", "course", OUT)),
@@ -33,7 +33,7 @@ KINDS = {
         Asked("biaxial", "", tuple((0.6 * x, 0.4 * x) for x in OUT)),
     ),
     "sheared, whole loop": (
-        replace(COTTON, cell="full"), Asked("shear", "", tuple(cycle(0.1, 6)[1:])),
+        replace(COTTON, cell="full"), Asked("shear", "", tuple(cycle(0.1, 10)[1:])),
     ),
     "bent, lagging": (
         replace(COTTON, bending_hysteresis=2e-7), Asked("bending", "wale", tuple(cycle(100.0, 4))),

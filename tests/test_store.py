@@ -33,7 +33,7 @@ def described(dataset, stage="loop", fabric="f", yarn="y", labels=None, **change
         "title": "A test", "summary": "Made by a test.", "references": ("paper", "wang"),
         "configuration": {"name": "f", "b": [1.5, 2], "a": "µ"}, "assumptions": [{"key": "k"}],
     }  # fmt: skip
-    about = labels_of(stage, fabric, yarn, **(labels or {}))
+    about = labels_of(stage, fabric, yarn, pattern="jersey" if fabric else "", **(labels or {}))
     return describe(dataset, stage, about, **(given | changes))
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from knitsim.command import show
-from knitsim.study.measured_checks import inferred_of
 from knitsim.errors import InputError
 from knitsim.figures import catalogue
 from knitsim.files import cache_root, is_whole
@@ -19,7 +18,7 @@ from knitsim.stages.plan import JOBS, KES_KINDS, Plan, digest_of
 from knitsim.stages.plan import path as plan_path
 from knitsim.store.results import RESULTS, path_of
 from knitsim.study import kept
-from knitsim.study.measured_checks import names_of
+from knitsim.study.measured_checks import config_of, inferred_of, names_of
 from knitsim.study.study import load_study
 
 # One thread a job: -c says how many jobs run side by side.

@@ -26,6 +26,9 @@ for fabric in PATTERNS.values():
             pattern=fabric.name,
             inputs=digest_of(config_of(fabric, "both")),
             source=source_hash("knitsim.stages.patterns"),
+        resources:
+            mem_mb=1500,
+            runtime=60,
         script:
             "../scripts/pattern.py"
 
@@ -43,5 +46,8 @@ rule patterns:
         log_of("patterns"),
     params:
         source=source_hash("knitsim.figures.patterns"),
+    resources:
+        mem_mb=1500,
+        runtime=10,
     script:
         "../scripts/pattern_figures.py"
