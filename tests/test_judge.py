@@ -33,7 +33,7 @@ KINDS = {
         Asked("biaxial", "", tuple((0.6 * x, 0.4 * x) for x in OUT)),
     ),
     "sheared, whole loop": (
-        replace(COTTON, cell="full"), Asked("shear", "", tuple(cycle(0.1, 10)[1:])),
+        replace(COTTON, cell="full"), Asked("shear", "", tuple(cycle(0.1, 12)[1:])),
     ),
     "bent, lagging": (
         replace(COTTON, bending_hysteresis=2e-7), Asked("bending", "wale", tuple(cycle(100.0, 4))),

@@ -147,7 +147,7 @@ def variants_dataset(fabric, stage, solved, headlines, timings):
         dataset = dataset.merge(effect_dataset(fabric, closure(stage), headlines))
     dataset["diameter"] = fabric.yarn["diameter"]
     dataset.attrs["readings"] = to_json(fabric.scene[stage]["variants"])
-    dataset.attrs["history"] = history_json(fabric)
+    dataset.attrs["fabric_history"] = history_json(fabric)
     dataset.attrs["stop_reason"] = "; ".join(
         f"{name}: {curve.stop_reason}" for name, (curve, _) in solved.items() if curve.stop_reason
     )

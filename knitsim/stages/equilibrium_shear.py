@@ -22,7 +22,7 @@ def run(fabric, laws):
         )  # fmt: skip
     dataset = pull_dataset(curve, along="shear_angle")
     dataset["diameter"] = fabric.yarn["diameter"]
-    dataset.attrs["history"] = history_json(fabric)
+    dataset.attrs["fabric_history"] = history_json(fabric)
     dataset.attrs["stop_reason"] = curve.stop_reason
     describe_stage(
         dataset, fabric, STAGE, title=f"Equilibrium shear test of {fabric.name}",

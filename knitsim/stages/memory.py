@@ -45,7 +45,7 @@ def with_history(fabric, relaxed):
 
 
 def history_json(fabric):
-    """What was done before the tests with friction, for the attribute ``history`` of a result."""
+    """What was done before the tests with friction, for the attribute ``fabric_history`` of a result."""
     return to_json(fabric["history"])
 
 
