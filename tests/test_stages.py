@@ -1,6 +1,7 @@
 """The stages: laws to and from files, the effect of assumptions, the tables, bulky yarns."""
 
 import csv
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import yaml
 
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
+from knitsim.stages import equilibrium_rest
 from knitsim.stages.check import check_study
 from knitsim.stages.equilibrium import contact_of, solver_fabric
 from knitsim.stages.laws import FORMS, law_from, law_variables, laws_of, stated_law
@@ -120,6 +122,23 @@ def test_compression_is_calibrated_from_a_curve(study, tmp_path):
     )
     yarn = study(yarn={"compression_curve": {"file": "pressed.csv"}}).yarns["y"]
     assert contact_of(yarn).stiffness == pytest.approx(700.0, rel=1e-6)
+
+
+def test_a_state_at_rest_tells_what_was_recognised_in_the_compression_curve(study, tmp_path):
+    thickness = np.linspace(0.45, 0.56, 9)
+    diameter = study().yarns["y"]["diameter"]
+    force = crossed_force(1e-3 * thickness - diameter, diameter, 700.0)
+    lines = [f"{t:.9f},{f:.12f}" for t, f in zip(thickness, force, strict=True)]
+    (tmp_path / "pressed.csv").write_text("\n".join(["thickness_mm,force_N", *lines]))
+    rest = {"points": 48, "set_compared": [0], "loop_length_low": 1, "loop_length_high": 1}
+    made = study(
+        yarn={"compression_curve": {"file": "pressed.csv"}},
+        scenes={"paper_yarn": {"tensile_test": {}}, "paper_fabric": {"equilibrium_rest": rest}},
+    )
+    (fabric,) = made.fabrics.values()
+    dataset, _ = equilibrium_rest.run(fabric, laws_of(fabric.yarn, None))
+    told = json.loads(dataset.attrs["measured_tests"])["compression_curve"]
+    assert "pressed.csv" in json.dumps(told)
 
 
 def test_a_bulky_yarn_with_a_core_starts_without_choi_and_los_loop(study):

@@ -25,10 +25,16 @@ def contact_of(yarn):
     """Contact law of a YarnInput: a core law, a calibrated stiffness or the stated one."""
     if (stated := stated_contact(yarn)) is not None:
         return stated
-    if yarn["compression_curve"] is not None:
-        test = read_entry(yarn["compression_curve"], yarn.compression_paths, "yarn_compression")
+    if (test := compressed(yarn)) is not None:
         return BarrierContact(fit_barrier_test(test, yarn["diameter"]).stiffness)
     return BarrierContact(yarn["compression_stiffness"])
+
+
+def compressed(yarn):
+    """The MeasuredTest of a YarnInput's compression curve, or None."""
+    if yarn["compression_curve"] is None:
+        return None
+    return read_entry(yarn["compression_curve"], yarn.compression_paths, "yarn_compression")
 
 
 def solver_fabric(fabric, law, *, friction=False, set_fraction=None, loop_length=None):

@@ -11,7 +11,13 @@ from knitsim.equilibrium.programme import rest_line
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
 from knitsim.stages.described import describe_stage
-from knitsim.stages.equilibrium import at_rest_again, named_by_key, settings_of, solver_fabric
+from knitsim.stages.equilibrium import (
+    at_rest_again,
+    compressed,
+    named_by_key,
+    settings_of,
+    solver_fabric,
+)
 from knitsim.stages.ledger import effect_dataset
 from knitsim.store.schema import ENERGY_TERMS
 from knitsim.store.tensile import loop_coordinates
@@ -135,6 +141,8 @@ def run(fabric, laws):
         dataset = dataset.merge(effect_dataset(fabric, closure(STAGE), followed))
     dataset.attrs["passed_rest_states"] = to_json(passed)
     dataset.attrs["not_reached"] = "; ".join(reasons)
+    if (test := compressed(fabric.yarn)) is not None:
+        dataset.attrs["measured_tests"] = to_json({"compression_curve": test.record()})
     describe_stage(
         dataset, fabric, STAGE, title=f"Fabric {fabric.name} at rest in the equilibrium model",
         summary="One interlooped yarn in a periodic lattice, both spacings free, no load.",
