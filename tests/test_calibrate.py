@@ -209,6 +209,7 @@ def repeats(strains, seeds):
     return inside
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth(two_strains):
     assert (repeats(two_strains, range(1, 4)) >= 2).all()
 

@@ -124,6 +124,7 @@ def test_spacings_and_bending_have_bands(calibration):
     assert (bent.low < bent.value).all()
 
 
+@pytest.mark.slow
 def test_what_is_not_reached_is_said():
     outcome = Predictor(ACRYLIC, resolution=COARSE).tension("course", [100.0, 1e9])
     assert np.isfinite(outcome.quantities["strain"].value[0])

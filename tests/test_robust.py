@@ -280,6 +280,7 @@ def test_the_cache_of_this_process_is_where_it_is_said_to_be():
     assert cache_root().is_dir()
 
 
+@pytest.mark.slow
 def test_a_damaged_compiled_kernel_is_compiled_anew(tmp_path):
     (tmp_path / "kernel.py").write_text(
         "from knitsim.jit import njit\n@njit\ndef twice(x):\n    return 2.0 * x\nprint(twice(21.0))\n"
