@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 import matplotlib
@@ -66,7 +67,7 @@ def test_every_public_name_has_an_example():
         one = getattr(ks, name)
         if name in ("__version__", "open_store", "scalar_table"):
             continue
-        text = inspect.getdoc(sys.modules["knitsim.library.kes"].kes if name == "kes" else one)
+        text = inspect.getdoc(import_module("knitsim.library.kes").kes if name == "kes" else one)
         assert ">>>" in text or name in ("load_study", "read_measured"), name
     # The two stand at the head of their modules.
     for name in ("load_study", "read_measured"):
