@@ -116,8 +116,7 @@ def test_forces_answer_to_inputs_as_the_hessian_says():
     slope, found = Sensitivity(rest, INPUTS, resolution).of_force(state, 3, (0,))
     step = 2e-4
     low, high = (force_at(rest.relaxed, f * length) for f in (1 - step, 1 + step))
-    # The Hessian leaves out second derivatives of a contact cell that fall with its size.
-    assert slope == pytest.approx((high - low) / (2 * step * length), rel=5e-3)
+    assert slope == pytest.approx((high - low) / (2 * step * length), rel=1e-3)
     for i, name in enumerate(INPUTS):
         value = value_of(fabric, name)
         low, high = (
@@ -126,7 +125,7 @@ def test_forces_answer_to_inputs_as_the_hessian_says():
         )
         brute = (high - low) / (2 * step * value)
         assert abs(brute * value) > 1e-5 * force_at(rest.relaxed, length)
-        assert found[i] == pytest.approx(brute, rel=0.02), name
+        assert found[i] == pytest.approx(brute, rel=5e-3), name
 
 
 @pytest.mark.slow
@@ -148,9 +147,7 @@ def test_points_answer_to_inputs_as_the_hessian_says(kind):
         low, high = (points(varied(ACRYLIC, {name: f * value})) for f in (1 - step, 1 + step))
         brute = (high - low) / (2 * step * value)
         assert (np.abs(brute * value) > 1e-3 * np.abs(found[:, i] * value).max()).all()
-        # Pressed near its core (the last point), what the Hessian leaves out counts most.
-        np.testing.assert_allclose(found[:2, i], brute[:2], rtol=0.03, err_msg=name)
-        np.testing.assert_allclose(found[2, i], brute[2], rtol=0.15, err_msg=name)
+        np.testing.assert_allclose(found[:, i], brute, rtol=0.03, err_msg=name)
 
 
 def test_the_spacings_at_rest_answer_as_the_hessian_says():
@@ -177,7 +174,7 @@ def test_a_fabric_found_from_another_is_that_from_a_cold_start():
         assert warm.course_spacing == pytest.approx(cold.course_spacing, rel=1e-6)
 
 
-def test_a_yarn_too_bulky_for_a_cold_start_is_reached_from_a_thinner_one():
+def test_a_bulky_yarn_has_a_start():
     bulky = varied(ACRYLIC, {"core_diameter": 0.73e-3})
     relaxed = States(COARSE).rest(bulky).relaxed
     assert relaxed.crossings_intact
@@ -194,7 +191,7 @@ def test_two_true_inputs_come_back(two_strains):
     for profile in found.profiles:
         own = int(np.argmin(np.abs(profile.values - found.values[found.names.index(profile.name)])))
         assert 0 < own < len(profile.values) - 1
-        assert profile.misfit[own] == pytest.approx(np.nanmin(profile.misfit))
+        assert profile.misfit[own] < 1e-3
         assert profile.misfit[0] > profile.misfit[own] < profile.misfit[-1]
 
 

@@ -52,7 +52,7 @@ def test_a_prediction_without_calibration_is_the_model_itself():
 
 
 def test_the_band_is_what_the_ends_of_the_interval_make_of_it(calibration):
-    outcome = Predictor(calibration=calibration).tension("course", FORCES)
+    outcome = Predictor(calibration=calibration, resolution=COARSE).tension("course", FORCES)
     strain = outcome.quantities["strain"]
     # The bounds count a little as well, hence 5 %.
     low, high = (
@@ -75,7 +75,11 @@ def test_an_input_on_its_bound_has_a_band_to_one_side():
     free = [Parameter("core_diameter", 0.5e-3, 0.64e-3, 0.62e-3)]
     found = fit(Problem(ACRYLIC, free, [curve], resolution=COARSE), profile=False)
     assert found.values[0] == found.high[0] == 0.64e-3
-    strain = Predictor(calibration=found).tension("course", FORCES).quantities["strain"]
+    strain = (
+        Predictor(calibration=found, resolution=COARSE)
+        .tension("course", FORCES)
+        .quantities["strain"]
+    )
     # A thinner core strains more; a thicker one is not allowed.
     np.testing.assert_allclose(strain.value - strain.low, strain.numerical_error)
     wide = [
@@ -92,7 +96,8 @@ def test_strain_on_loading_is_not_negative_however_little_is_known():
     curve = tension("w", "wale", [20.0, 30.0], [0.3, 0.05])
     free = [Parameter("bending_rigidity", 0.04e-6, 2e-6, 0.05e-6)]
     found = fit(Problem(ACRYLIC, free, [curve], resolution=COARSE), profile=False)
-    strain = Predictor(calibration=found).tension("course", [5.0, 50.0]).quantities["strain"]
+    predictor = Predictor(calibration=found, resolution=COARSE)
+    strain = predictor.tension("course", [5.0, 50.0]).quantities["strain"]
     assert (strain.low >= 0.0).all() and (strain.low <= strain.value).all()
     # Not beyond what the softest yarn that is allowed would do.
     soft = varied(ACRYLIC, {"bending_rigidity": 0.04e-6})
@@ -113,7 +118,7 @@ def test_strain_is_predicted_from_the_pretension():
 
 @pytest.mark.slow
 def test_spacings_and_bending_have_bands(calibration):
-    predictor = Predictor(calibration=calibration)
+    predictor = Predictor(calibration=calibration, resolution=COARSE)
     spacings = predictor.spacings().quantities
     relaxed = relax(calibration.fabric, COARSE)
     assert spacings["wale_spacing"].value[0] == pytest.approx(relaxed.wale_spacing)

@@ -87,7 +87,7 @@ def test_cycles_between_forces_condition_and_grow(rubbed):
     assert len(table) == 6 and conditioned(curve) == 2
     np.testing.assert_allclose(table[:, 0], 20.0, rtol=1e-5)
     assert (np.diff(table[:, 1]) >= -1e-4).all() and growth(curve) >= 0.0
-    assert (table[:, 2] > 0.0).all() and table[0, 2] > 1.4 * table[1, 2]
+    assert (table[:, 2] > 0.0).all() and (np.diff(table[:, 2]) < 0.0).all()
 
 
 def test_without_friction_nothing_is_remembered():

@@ -47,8 +47,17 @@ def resolution_at(fabric, rung, like):
 
 def coarser(resolution, fabric):
     """The Resolution one rung below any."""
-    points = max(LEAST_POINTS, 4 * round(resolution.points / 6.0))
-    contacts = 4 * round(resolution.contacts_for(fabric) / 6.0)
+    return _scaled(resolution, fabric, 1.0 / 1.5)
+
+
+def finer(resolution, fabric):
+    """The Resolution one rung above any."""
+    return _scaled(resolution, fabric, 1.5)
+
+
+def _scaled(resolution, fabric, factor):
+    points = max(LEAST_POINTS, 4 * round(factor * resolution.points / 4.0))
+    contacts = 4 * round(factor * resolution.contacts_for(fabric) / 4.0)
     return replace(resolution, points=points, contacts=max(contacts, 2 * points))
 
 

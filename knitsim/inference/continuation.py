@@ -3,13 +3,17 @@
 A fit asks for the same test of many fabrics that differ little.  The fabric at rest is found from the
 last one by Newton's method, in smaller steps where that fails, so that all trials stay on one branch.
 How a state without friction answers to an input p follows from the state itself: at equilibrium g(y,
-p) = 0, hence H dy/dp = -dg/dp with the Hessian H at hand (implicit function theorem).  dg/dp at a
-fixed shape y is a difference of two gradients and needs no state to be solved.
+p) = 0, hence H dy/dp = -dg/dp with the Hessian H (implicit function theorem); the solver's own Hessian
+is its preconditioner.  dg/dp at a fixed shape y is a difference of two gradients and needs no state to
+be solved.
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+from scipy.linalg import lu_factor, lu_solve
+from scipy.sparse.linalg import LinearOperator, gmres
 
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.kernels.energy import energy_of, new_work
@@ -21,10 +25,10 @@ from knitsim.errors import ComputationError, InputError
 from knitsim.study.measured_keys import PARAMETERS
 
 _BESIDE = ("wale_spacing", "course_spacing", "bending_hysteresis", "tangential_ratio")
-# Widest split of a change of inputs, and how much thinner a yarn is taken that has no start itself.
+_PARTS = (1, 2, 4, 8, 16)  # into which a change of inputs is split
 PRESSED = 2.0  # contact points of a fabric that is fitted, over those at rest
-_PARTS = (1, 2, 4, 8, 16)
-_THINNER = (0.9, 0.8, 0.7)
+MOVED = 1e-5  # diameters that an unknown is moved for d2E/dy2
+EXACT, ROUNDS = 1e-4, 5  # of what is solved with it: residual, steps
 DIFFERENCE = 1e-5  # relative change of an input for dg/dp at a fixed shape
 LEAST_DIFFERENCE = 1e-6  # of inputs that can be zero
 _FROM_ZERO = ("set", "friction", "bending_hysteresis")
@@ -103,24 +107,12 @@ class States:
         return found
 
     def _first(self, fabric):
-        straight = replace(fabric, set_fraction=0.0)
         try:
-            rest = self._cold(straight)
+            rest = self._cold(replace(fabric, set_fraction=0.0))
         except _FAILURES as error:
-            rest = self._thicker(straight, error)
+            raise ComputationError(f"no equilibrium to start from: {error}") from error
         # The set comes last: its loop is held at spacings that may be tight.
         return self._from(rest, fabric) if fabric.set_fraction > 0.0 else rest
-
-    def _thicker(self, fabric, failure):
-        """The :class:`Rest` of a yarn too bulky for a cold start, from thinner ones."""
-        for thinner in _THINNER:
-            contact = fabric.contact.grown(thinner)
-            easier = replace(fabric, diameter=thinner * fabric.diameter, contact=contact)
-            try:
-                return self._from(self._cold(easier), fabric)
-            except _FAILURES:
-                continue
-        raise ComputationError(f"no equilibrium to start from: {failure}")
 
     def _cold(self, fabric):
         return Rest(fabric, relax(fabric, self.resolution), None)
@@ -183,8 +175,15 @@ def common_resolution(fabrics, resolution=None):
     return replace(resolution, contacts=4 * int(np.ceil(most / 4.0)))
 
 
+def _spread(part, free, size):
+    """The entries ``free`` of a vector of zeros (size,)."""
+    whole = np.zeros(size)
+    whole[free] = part
+    return whole
+
+
 class Sensitivity:
-    """How equilibria of one fabric without friction answer to inputs, by the Hessian.
+    """How equilibria of one fabric without friction answer to inputs, by the exact Hessian.
 
     rest: :class:`Rest`; names: inputs.  spacings (inputs, 2): d(wale, course spacing)/dp at rest.
     """
@@ -196,9 +195,8 @@ class Sensitivity:
         self.models = [self._both_sides(name, resolution) for name in names]
         model, y = self.model, rest.relaxed.y
         free = model.free(0, 3)
-        hessian, by_inputs = self._linearised(model.scene, y)
-        answer = -np.linalg.solve(hessian[np.ix_(free, free)], by_inputs[:, free].T).T
-        self.spacings = answer[:, -2:]
+        answer = self._solved(model.scene, y, free, self._by_inputs(y))
+        self.spacings = answer[free[-2:]].T
 
     def _both_sides(self, name, resolution):
         """(Models on both sides of input ``name`` with the set that follows it, their distance).
@@ -238,30 +236,60 @@ class Sensitivity:
         slope = np.zeros(held.size)
         at, free = plain.lattice, plain.free()
         slope[at : at + 4] = np.subtract(lattice[1], lattice[0]) / distance
-        hessian = self._hessian(plain.scene, held)
         g = [self._gradient(model.scene, held) for model in models]
-        right = (g[1] - g[0]) / distance + hessian[:, at:] @ slope[at:]
-        slope[free] = -np.linalg.solve(hessian[np.ix_(free, free)], right[free])
-        return slope
+        right = (g[1] - g[0]) / distance
+        if slope.any():
+            right += self._curvature(plain.scene, held)(slope)
+        return slope + self._solved(plain.scene, held, free, right[:, None])[:, 0]
 
-    def _gradient(self, scene, y):
-        pairs = pairs_at(scene, y, 0.0, self.work)
+    def _gradient(self, scene, y, pairs=None):
+        pairs = pairs_at(scene, y, 0.0, self.work) if pairs is None else pairs
         energy_of(scene, y, pairs, (), np.int64(1), self.work)
         return self.work.gradient.copy()
 
-    def _hessian(self, scene, y):
-        pairs = pairs_at(scene, y, 0.0, self.work)
-        energy_of(scene, y, pairs, (), np.int64(2), self.work)
-        return self.work.hessian.copy()
+    def _curvature(self, scene, y):
+        """A function of a move (n,) that gives d2E/dy2 times it, by central differences of the gradient.
 
-    def _linearised(self, scene, y):
-        """Hessian (n, n) and dg/dp (inputs, n) at y."""
-        hessian = self._hessian(scene, y)
+        The solver's own Hessian leaves out second derivatives of the cells of contact points, which a Newton
+        step does not need: near a core they are a tenth.
+        """
+        step = MOVED * self.rest.fabric.diameter
+        pairs = pairs_at(scene, y, y.size * step, self.work)
+
+        def times(move):
+            part = step / np.abs(move).max()
+            ends = (self._gradient(scene, y + sign * part * move, pairs) for sign in (1.0, -1.0))
+            return np.subtract(*ends) / (2.0 * part)
+
+        return times
+
+    def _solved(self, scene, y, free, right):
+        """Moves (n, columns) of the free unknowns that change the gradient by -right (n, columns)."""
+        times, pairs = self._curvature(scene, y), pairs_at(scene, y, 0.0, self.work)
+        energy_of(scene, y, pairs, (), np.int64(2), self.work)
+        factor = lu_factor(self.work.hessian[np.ix_(free, free)])
+        shape = (len(free),) * 2
+        near = LinearOperator(shape, matvec=partial(lu_solve, factor), dtype=float)
+
+        def inner(part):
+            return times(_spread(part.ravel(), free, y.size))[free]
+
+        operator = LinearOperator(shape, matvec=inner, dtype=float)
+        moves = np.zeros((y.size, right.shape[1]))
+        for k, column in enumerate(right.T):
+            answer, failed = gmres(operator, -column[free], M=near, rtol=EXACT, maxiter=ROUNDS)
+            if failed:
+                raise ComputationError("the answer of an equilibrium to an input is not found")
+            moves[free, k] = answer
+        return moves
+
+    def _by_inputs(self, y):
+        """dg/dp (n, inputs) at y."""
         rows = [
             (self._gradient(b.scene, y) - self._gradient(a.scene, y)) / distance
             for (a, b), distance in self.models
         ]
-        return hessian, np.array(rows)
+        return np.array(rows).T
 
     def of_force(self, y, pulled, free):
         """At an equilibrium y: dF/dL and dF/dp (inputs,) at a fixed L of the spacing pulled.
@@ -269,11 +297,9 @@ class Sensitivity:
         F: force per loop (N) on the entry ``pulled`` of the lattice; free: lattice entries that are.
         """
         model = self.model
-        hessian, by_inputs = self._linearised(model.scene, y)
         unknown, driven = model.free(*free), model.lattice + pulled
-        inner = hessian[np.ix_(unknown, unknown)]
-        right = np.column_stack([hessian[unknown, driven], by_inputs[:, unknown].T])
-        answer = np.linalg.solve(inner, right)
-        along = hessian[driven, unknown]
-        slope = hessian[driven, driven] - along @ answer[:, 0]
-        return slope / model.loops, (by_inputs[:, driven] - along @ answer[:, 1:]) / model.loops
+        along = self._curvature(model.scene, y)(np.eye(y.size)[driven])
+        right = np.column_stack([along, self._by_inputs(y)])
+        moves = self._solved(model.scene, y, unknown, right)
+        changes = right[driven] + along[unknown] @ moves[unknown]
+        return changes[0] / model.loops, changes[1:] / model.loops

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from knitsim.equilibrium.accuracy import rest_to, scale_of
+from knitsim.equilibrium.accuracy import finer, rest_to, scale_of
 from knitsim.equilibrium.bend import bend
+from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.result import LOADING
 from knitsim.errors import ComputationError, InputError
@@ -55,7 +56,7 @@ class Predictor:
 
     fabric: all inputs as given; calibration: a :class:`knitsim.inference.calibrate.Calibration`,
     whose fabric then counts, or whose values are put into ``fabric`` where both are given;
-    resolution: as for knitsim.equilibrium.relax.relax.
+    resolution: as for knitsim.equilibrium.relax.relax; None for one that is finer than a fit's.
     """
 
     def __init__(self, fabric=None, calibration=None, resolution=None):
@@ -66,9 +67,11 @@ class Predictor:
         if None not in (fabric, calibration):
             found = zip(calibration.names, map(float, calibration.values), strict=True)
             self.fabric = varied(fabric, dict(found))
-        if calibration is not None and resolution is None:
-            resolution = calibration.resolution
         self.calibration = calibration
+        if resolution is None:
+            # Solved once, not at every step of a search: fine enough for a narrow band.
+            solved = Resolution() if calibration is None else calibration.resolution
+            resolution = finer(common_resolution([self.fabric], solved), self.fabric)
         self.resolution = common_resolution([self.fabric], resolution)
         self.states = States(self.resolution)
         if calibration is not None:

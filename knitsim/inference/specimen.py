@@ -229,15 +229,17 @@ class Clamped:
         strains of the clamps (n,), rising.  Raises ComputationError where no equilibrium is found."""
         u = np.zeros(2 * len(self.x))
         found, last = [], 0.0
+        table = self.membrane.along if self.direction == "course" else self.membrane.across
         for strain in strains:
+            # Somewhere between the clamps the fabric is stretched as much as they say, or more.
+            if strain > table[-1]:
+                raise self._beyond(strain)
             u = u.reshape(-1, 2)
             u[:, 0] += (strain - last) * self.x[:, 0]
             u = self._settled(u.ravel())
             last = strain
             if not self.membrane.holds(*self._stretches(u)).all():
-                raise ComputationError(
-                    f"membrane: beyond its table at {100 * strain:.3g} % of the clamps"
-                )
+                raise self._beyond(strain)
             gradient = self.energy(u)[1]
             force = gradient[2 * self.clamp].sum() / self.size[1]
             at = u.reshape(-1, 2)[self.axis, 0]
@@ -246,6 +248,9 @@ class Clamped:
             edge = self.middle[-1]
             found.append((force, inside, u[2 * edge + 1] / self.size[1]))
         return np.transpose(found)
+
+    def _beyond(self, strain):
+        return ComputationError(f"membrane: beyond its table at {100 * strain:.3g} % of the clamps")
 
     def _settled(self, u):
         value, gradient, hessian = self.energy(u)

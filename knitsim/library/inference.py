@@ -212,7 +212,7 @@ def predict(
     if isinstance(source, Calibration):
         predictor = Predictor(calibration=source.fit)
     elif isinstance(source, Fabric):
-        predictor = Predictor(_solver(source), resolution=settings_of(source).resolution)
+        predictor = Predictor(_solver(source), resolution=settings_of(source).stated)
     else:
         raise InputError(
             "predict", repr(source)[:60], "needs a Fabric or what calibrate found of one"

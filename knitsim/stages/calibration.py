@@ -331,7 +331,7 @@ def run(fabric, laws, name):
     built = solver_fabric(fabric, laws["continuous"], friction=True)
     found, notes, warnings = None, [], []
     if name == GIVEN:
-        predictor = Predictor(built, resolution=settings_of(fabric).resolution)
+        predictor = Predictor(built, resolution=settings_of(fabric).stated)
     else:
         fits = measured
         if source is not fabric:

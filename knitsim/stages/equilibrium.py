@@ -88,6 +88,11 @@ class Settings:
         return {"estimate_error": True} if self.accuracy is None else {"accuracy": self.accuracy}
 
     @property
+    def stated(self):
+        """The resolution where the scene states its points, None where it asks for an accuracy."""
+        return self.resolution if self.accuracy is None else None
+
+    @property
     def fixed(self):
         """As plain data, of results that are solved at the resolution alone, whatever the accuracy."""
         return {"accuracy": None, "points": self.resolution.points}

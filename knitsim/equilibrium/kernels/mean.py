@@ -22,6 +22,9 @@ from knitsim.equilibrium.contact import CORE
 from knitsim.jit import choose, njit
 
 THIN = 1e-3  # of d^2, d - core: no cell is thinner, in a direction in which the distance does not change
+NARROW = 0.05  # half width in u of a cell that touches everywhere and is averaged by derivatives
+DEEP = 0.98  # u up to which the corners of a cell are taken; at 1 both yarns have one place
+FREELY = 0.05  # of the way to the core: cells up to here are not shrunk (to 1e-11)
 SERIES = 0.2  # up to here integrals are summed as power series, whose terms cancel nothing
 
 
@@ -73,7 +76,8 @@ def barrier_integrals(u):
 def barrier_mean(square, a, b, law):
     """Mean of the barrier law over a cell; as ``corners``, by q, a and b, these not negative.
 
-    Where the whole cell is in touch, by its derivatives instead: the terms of the corners would cancel.
+    Where all of a narrow cell is in touch, by its derivatives instead: the terms of the corners would
+    cancel.  What is left out there jumps as the cell comes to lie whole in touch: 1e-7 of the mean at most.
     """
     d2 = law.diameter * law.diameter
     inverse = 1.0 / d2
@@ -83,7 +87,7 @@ def barrier_mean(square, a, b, law):
     if u <= -edge:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     second = law.stiffness * inverse * inverse
-    if u < edge:
+    if u < edge or (edge > NARROW and u + edge < DEEP):
         less = 0.5 * (a - b)
         m, mu, ma, mb, muu, mua, mub, maa, mab, mbb = corners(
             barrier_integrals(u + edge), barrier_integrals(u + less),
@@ -194,11 +198,15 @@ def soft_mean(square, a, b, law):
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     if w >= 1.0:
         return math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    # No corner comes nearer the core than half way.
-    whole, shrunk = a + b, 1.0
-    if edge > 0.5 * (1.0 - w):
-        shrunk = 0.5 * (1.0 - w) / edge
-        a, b, edge = a * shrunk, b * shrunk, 0.5 * (1.0 - w)
+    # No corner comes nearer the core than half way: a and b shrink by (1 + x^8)^(-1/8).
+    room = 1.0 - w
+    x, shrunk, fall = 2.0 * edge / room, 1.0, 0.0
+    if x > FREELY:
+        more = 1.0 + x**8
+        shrunk = 1.0 / math.sqrt(math.sqrt(math.sqrt(more)))
+        fall = -shrunk * x**7 / (more * room)
+    rest_a, rest_b = a, b
+    a, b, edge = a * shrunk, b * shrunk, edge * shrunk
     less = 0.5 * (a - b)
     m, mw, ma, mb, mww, mwa, mwb, maa, mab, mbb = corners(
         soft_integrals(w + edge, law.soft), soft_integrals(w + less, law.soft),
@@ -208,14 +216,10 @@ def soft_mean(square, a, b, law):
     if law.soft[0] == CORE:
         p = law.soft[1]
         scale = law.stiffness * delta * delta / (p * (p - 1.0))
-    # By D: w = (d - D)/delta, a and b go with 1/D; or with (1 - w) where they are shrunk.
-    by_w = 1.0 / (2.0 * distance * delta)
-    if shrunk < 1.0:
-        # a (1 - w)/(a + b) and likewise b.
-        by_q = -(mw - (ma * a + mb * b) / (1.0 - w)) * by_w
-        ma, mb = (ma - mb) * b / whole, (mb - ma) * a / whole
-    else:
-        by_q = -mw * by_w - (ma * a + mb * b) * 0.5 / square
+    # By D: w = (d - D)/delta; a and b go with 1/D, and shrink with (a + b)/(1 - w).
+    by_w, common = 1.0 / (2.0 * distance * delta), (ma * rest_a + mb * rest_b) * fall
+    ma, mb = ma * shrunk + common, mb * shrunk + common
+    by_q = -(mw + common * x) * by_w - (ma * rest_a + mb * rest_b) * 0.5 / square
     second = scale * (mww * by_w * by_w + 0.5 * mw * by_w / square)
     cross, twice = -scale * by_w * to_w * shrunk, scale * (to_w * shrunk) ** 2
     return (

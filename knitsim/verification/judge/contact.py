@@ -12,6 +12,7 @@ from knitsim.verification.judge.given import Barrier
 
 SPREAD = 1.1  # spacings of contact points beyond the diameter up to which cells may touch
 THIN = 1e-3  # of d (d - core): least change of the square over a cell; smaller ones are rounded off to it
+NARROW, DEEP = 0.05, 0.98  # of d^2: half width of cells that are averaged by derivatives; approach
 PLACES = 16  # of the rule, in each piece
 _AT, _WEIGHT = (0.5 * x for x in np.polynomial.legendre.leggauss(PLACES))
 _STEP = 1e-30  # of complex derivatives
@@ -31,14 +32,17 @@ def cell_mean(given, square, along, other):
     middle = np.sqrt(square)
     a, b = 0.5 * a / middle, 0.5 * b / middle
     # No corner of a cell comes nearer the core than half way.
-    half, room = 0.5 * (a + b), 0.5 * (middle - law.core)
-    shrunk = np.where(half.real > room.real, room / half, 1.0)
+    part = (a + b) / (middle - law.core)
+    shrunk = (1.0 + part**8) ** -0.125
     return _by_density(lambda x: law.at(x, d)[0], middle, a * shrunk, b * shrunk, d)
 
 
 def _of_barrier(law, d, square, a, b):
-    """By the squared distance; cells that touch everywhere by v, v'' and v'''' in the middle."""
-    whole, found = (square + 0.5 * (a + b)).real <= d * d, np.empty_like(square)
+    """By the squared distance; narrow cells that touch everywhere by v, v'' and v'''' in the middle."""
+    half = 0.5 * (a + b).real
+    deep = square.real - half <= (1.0 - DEEP) * d * d
+    whole = (square.real + half <= d * d) & (deep | (half <= NARROW * d * d))
+    found = np.empty_like(square)
     edge = [x[~whole] for x in (square, a, b)]
     found[~whole] = _by_density(lambda x: law.at(np.sqrt(x), d)[0], *edge, d * d)
     u, a, b = 1.0 - square[whole] / d**2, a[whole] / d**2, b[whole] / d**2
