@@ -186,10 +186,7 @@ def soft_integrals(w, soft):
 
 @njit
 def soft_mean(square, a, b, law):
-    """As :func:`barrier_mean` of a core law or a tabulated one, by the distance D instead of its square.
-
-    The second derivatives, which Newton's method alone asks for, are those at given a/D and b/D.
-    """
+    """As :func:`barrier_mean` of a core law or a tabulated one, by the distance D instead of its square."""
     distance, delta = math.sqrt(square), law.diameter - law.core
     to_w = 0.5 / (distance * delta)
     w, a, b = (law.diameter - distance) / delta, a * to_w, b * to_w
@@ -198,33 +195,65 @@ def soft_mean(square, a, b, law):
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     if w >= 1.0:
         return math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    # No corner comes nearer the core than half way: a and b shrink by (1 + x^8)^(-1/8).
-    room = 1.0 - w
-    x, shrunk, fall = 2.0 * edge / room, 1.0, 0.0
+    # No corner comes nearer the core than half way: a and b shrink by s = (1 + x^8)^(-1/8).
+    x, shrunk = (a + b) / (1.0 - w), 1.0
     if x > FREELY:
-        more = 1.0 + x**8
-        shrunk = 1.0 / math.sqrt(math.sqrt(math.sqrt(more)))
-        fall = -shrunk * x**7 / (more * room)
-    rest_a, rest_b = a, b
-    a, b, edge = a * shrunk, b * shrunk, edge * shrunk
-    less = 0.5 * (a - b)
-    m, mw, ma, mb, mww, mwa, mwb, maa, mab, mbb = corners(
-        soft_integrals(w + edge, law.soft), soft_integrals(w + less, law.soft),
-        soft_integrals(w - less, law.soft), soft_integrals(w - edge, law.soft), a, b,
+        shrunk = 1.0 / math.sqrt(math.sqrt(math.sqrt(1.0 + x**8)))
+    half, less = 0.5 * (a + b) * shrunk, 0.5 * (a - b) * shrunk
+    mean = corners(
+        soft_integrals(w + half, law.soft), soft_integrals(w + less, law.soft),
+        soft_integrals(w - less, law.soft), soft_integrals(w - half, law.soft),
+        a * shrunk, b * shrunk,
     )  # fmt: skip
+    if x > FREELY:
+        mean = of_shrunk(mean, a, b, x, 1.0 - w)
+    m, mw, ma, mb, mww, mwa, mwb, maa, mab, mbb = mean
     scale = 1.0
     if law.soft[0] == CORE:
         p = law.soft[1]
         scale = law.stiffness * delta * delta / (p * (p - 1.0))
-    # By D: w = (d - D)/delta; a and b go with 1/D, and shrink with (a + b)/(1 - w).
-    by_w, common = 1.0 / (2.0 * distance * delta), (ma * rest_a + mb * rest_b) * fall
-    ma, mb = ma * shrunk + common, mb * shrunk + common
-    by_q = -(mw + common * x) * by_w - (ma * rest_a + mb * rest_b) * 0.5 / square
-    second = scale * (mww * by_w * by_w + 0.5 * mw * by_w / square)
-    cross, twice = -scale * by_w * to_w * shrunk, scale * (to_w * shrunk) ** 2
+    # By D: w = (d - D)/delta falls by to_w with q; a and b go with 1/D, their logarithm falls by e.
+    e, wide, turn = 0.5 / square, ma * a + mb * b, mwa * a + mwb * b
+    of_a, of_b = maa * a + mab * b, mab * a + mbb * b
+    second = (mww * to_w + (mw + 2.0 * turn) * e) * to_w
+    second += (3.0 * wide + of_a * a + of_b * b) * e * e
+    once, twice = scale * to_w, scale * to_w * to_w
     return (
-        scale * m, scale * by_q, scale * ma * to_w, scale * mb * to_w, second, cross * mwa,
-        cross * mwb, twice * maa, twice * mab, twice * mbb,
+        scale * m, -scale * (mw * to_w + wide * e), once * ma, once * mb, scale * second,
+        -once * (mwa * to_w + (of_a + ma) * e), -once * (mwb * to_w + (of_b + mb) * e),
+        twice * maa, twice * mab, twice * mbb,
+    )  # fmt: skip
+
+
+@njit
+def of_shrunk(mean, a, b, x, room):
+    """Mean over a cell of a s(x) by b s(x) and its derivatives by w, a, b, from those by w and both widths.
+
+    s = (1 + x^8)^(-1/8), x = (a + b)/room, room = 1 - w.
+    """
+    m, mw, ma, mb, mww, mwa, mwb, maa, mab, mbb = mean
+    more = 1.0 + x**8
+    s = 1.0 / math.sqrt(math.sqrt(math.sqrt(more)))
+    first = -s * x**7 / more
+    second = (-7.0 * s * x**6 + 9.0 * s * x**14 / more) / more
+    f, g = first / room, second / (room * room)
+    # Both widths by w, a, b.
+    aw, aa, ab = a * f * x, s + a * f, a * f
+    bw, ba, bb = b * f * x, b * f, s + b * f
+    # m by width and what shrinks it: both widths share s.
+    pull = ma * a + mb * b
+    fw = f / room
+    return (
+        m, mw + ma * aw + mb * bw, ma * aa + mb * ba, ma * ab + mb * bb,
+        mww + 2.0 * (mwa * aw + mwb * bw) + maa * aw * aw + 2.0 * mab * aw * bw + mbb * bw * bw
+        + pull * (g * x * x + 2.0 * fw * x),
+        mwa * aa + mwb * ba + maa * aw * aa + mab * (aw * ba + bw * aa) + mbb * bw * ba
+        + ma * f * x + pull * (g * x + fw),
+        mwa * ab + mwb * bb + maa * aw * ab + mab * (aw * bb + bw * ab) + mbb * bw * bb
+        + mb * f * x + pull * (g * x + fw),
+        maa * aa * aa + 2.0 * mab * aa * ba + mbb * ba * ba + 2.0 * ma * f + pull * g,
+        maa * aa * ab + mab * (aa * bb + ba * ab) + mbb * ba * bb + (ma + mb) * f + pull * g,
+        maa * ab * ab + 2.0 * mab * ab * bb + mbb * bb * bb + 2.0 * mb * f + pull * g,
     )  # fmt: skip
 
 
