@@ -267,7 +267,8 @@ def test_a_panel_for_each_calibration_with_its_measured_points():
         )
     texts = " ".join(text.get_text() for text in shown[2].texts)
     assert "core diameter 1e+03 mm [0, 2e+03]" in texts
-    assert "pulled (fitted): 1.0 % rms" in texts
+    labels = [text.get_text() for text in shown[2].get_legend().get_texts()]
+    assert labels[0] == "measured: pulled, fitted, 1.0 % rms"
 
 
 def test_predictions_stand_side_by_side():

@@ -175,6 +175,8 @@ def fig30_calibration(measured):
         _strain_line(ax, dataset, direction, looks[name])
         curves = _curves_of(dataset, direction)
         handles = _measured(ax, dataset, curves)
+        for handle, k in zip(handles, curves, strict=True):
+            handle.set_label(f"{handle.get_label()}, {_misfit_text(dataset.isel(curve=k))}")
         _tension_axes(ax, dataset, direction)
         lowest = number >= len(datasets) - columns
         ax.xaxis.label.set_visible(lowest)
@@ -187,20 +189,18 @@ def fig30_calibration(measured):
             Patch(color=looks[name]["color"], alpha=_BAND, label=f"band: {covers}"),
         ]
         ax.legend(handles=handles, loc="upper left", fontsize=6.3)
-        texts = [] if is_given(dataset) else [_parameters_text(dataset)]
-        for k in curves:
-            one = dataset.isel(curve=k)
-            role = "fitted" if str(one.curve_role.values) == "fitted" else "not fitted"
-            curve = str(one.curve.values).replace("_", " ")
-            rms = float(one.misfit_rms)
-            shown = f"{100 * rms:.1f} % rms" if np.isfinite(rms) else "not reached"
-            texts.append(f"{curve} ({role}): {shown}")
-        ax.text(
-            0.985, 0.03, "\n".join(texts), transform=ax.transAxes, ha="right", va="bottom", fontsize=6.3,
-        )  # fmt: skip
+        found = "" if is_given(dataset) else _parameters_text(dataset)
+        ax.text(0.985, 0.03, found, transform=ax.transAxes, ha="right", va="bottom", fontsize=6.3)
     for ax in axes.flat[len(datasets) :]:
         ax.set_visible(False)
     return fig
+
+
+def _misfit_text(one):
+    """How far a measured curve lies from the model, and whether it was fitted."""
+    role = "fitted, " if str(one.curve_role.values) == "fitted" else ""
+    rms = float(one.misfit_rms)
+    return role + (f"{100 * rms:.1f} % rms" if np.isfinite(rms) else "not reached")
 
 
 def fig31_prediction(measured):
@@ -237,7 +237,7 @@ def fig31_prediction(measured):
         shown |= {handle.get_label(): handle for handle in handles}
     handles = {title_of(d): Line2D([], [], **looks[name]) for name, d in datasets.items()} | shown
     panels.legend(
-        fig, handles, ncols=min(5, len(handles)),
+        fig, handles, ncols=min(4, len(handles)),
         note="Bands: " + "; ".join(
             dict.fromkeys(
                 f"{'as given' if is_given(d) else 'calibrated'}: {d.attrs['band_covers']}"
