@@ -71,7 +71,7 @@ class Knot:
         self.scene = Scene(
             to_map(self.rows, count), rod, rounded_law(TensionLaw([0.0, 0.1], [0.0, 0.1 * stretch])),
             self._touch(step, h * spacing, 5.5 * scale), self.contact.for_kernels(d),
-            np.zeros(count + LATTICE), np.ones(count + LATTICE), (), (), (),
+            np.zeros(count + LATTICE), np.ones(count + LATTICE), (), (),
         )  # fmt: skip
         self.free = np.array([i for i in range(count) if i != self.drive])
         force = BENDING / h**2 * e**4

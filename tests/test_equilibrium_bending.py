@@ -85,7 +85,6 @@ def straight_fabric(spacing=2e-3, length=5e-3, rigidity=5e-9, load=0.0):
         np.ones(cell.count + LATTICE),
         Bend(0),
         (),
-        (),
     )
     loop = np.zeros((24, 3))
     loop[:, 0] = length * np.arange(24) / 24

@@ -145,7 +145,6 @@ def build_model(fabric, resolution=None, kept=None, sparse=None):
         scale,
         (),
         (),
-        (),
     )
     d = fabric.diameter
     control = Control(
@@ -181,7 +180,7 @@ def with_set(model, y):
         rod.rounding = SET_ROUNDING * 2.0 * np.pi / fabric.loop_length
         return replace(model, scene=model.scene._replace(rod=rod), held=y)
     rod.facing, rod.turning = v / speed, curvature
-    return replace(model, scene=model.scene._replace(rod=rod, spin=(1,)), held=y)
+    return replace(model, scene=model.scene._replace(rod=rod), held=y)
 
 
 def with_diameter(model, diameter):

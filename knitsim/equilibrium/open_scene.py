@@ -102,7 +102,6 @@ def assemble(yarns, cylinders, contact, diameter):
         np.ones(len(y)),
         (),
         Fixtures(_cylinders(cylinders), _couples(yarns, chain)),
-        (1,) if any(yarn.rest_curvature is not None for yarn in yarns) else (),
     )
     return scene, chain, columns, y
 

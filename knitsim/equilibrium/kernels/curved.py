@@ -24,8 +24,8 @@ import numpy as np
 from knitsim.equilibrium.kernels.contact import add_frames, cell_mean
 from knitsim.equilibrium.kernels.pairs import curvature_at, touching
 from knitsim.equilibrium.kernels.records import ANGLE, LATTICE
-from knitsim.equilibrium.kernels.yarn import add_form, locked_point, yarn_point
-from knitsim.jit import choose, njit
+from knitsim.equilibrium.kernels.yarn import add_form, is_turned, locked_point, yarn_point
+from knitsim.jit import njit
 
 
 @njit
@@ -148,23 +148,16 @@ def add_local(first, local, kappa, order, table, work):
 
 
 @njit
-def _locked_bent(scene, point, v, w, order, form, tangent, terms):
+def locked_bent(scene, point, v, w, order, form, tangent, terms):
     # In the frame of the cylinder: bent direction, axis, thickness.  Two axes exchanged, a curvature
     # vector, which is axial, changes its sign.
-    facing, turning, bent = np.empty(3), np.empty(3), scene.bend.direction
-    for i in range(3):
-        at = i if bent == 0 or i == 2 else 1 - i
-        facing[i] = point.facing[at]
-        turning[i] = point.turning[at] if bent == 0 else -point.turning[at]
-    locked_point(point, facing, turning, v, w, order, form, tangent, terms)
-
-
-@njit
-def _turning_freely(scene, point, v, w, order, form, tangent, terms):
-    """The rest curvature is in yarn_point already."""
-
-
-locked_bent = choose("scene.spin", _locked_bent, _turning_freely)
+    a, b = scene.bend.direction, 1 - scene.bend.direction
+    sign = 1.0 if a == 0 else -1.0
+    facing, turning = point.facing, point.turning
+    locked_point(
+        point, (facing[a], facing[b], facing[2]),
+        (sign * turning[a], sign * turning[b], sign * turning[2]), v, w, order, form, tangent, terms,
+    )  # fmt: skip
 
 
 @njit
@@ -178,7 +171,8 @@ def add_bent_yarn(scene, lattice, order, work):
         local_values(point.first, work.x, axes, weights, local)
         v, w = motion(local, kappa)
         yarn_point(point, scene.stretch, v, w, order, form, tangent, work.terms)
-        locked_bent(scene, point, v, w, order, form, tangent, work.terms)
+        if is_turned(point):
+            locked_bent(scene, point, v, w, order, form, tangent, work.terms)
         if order > 0:
             add_local(point.first, local, kappa, order, (form, tangent, axes, weights), work)
 

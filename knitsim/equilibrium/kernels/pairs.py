@@ -292,9 +292,9 @@ def passes(scene, before, after, work):
     if m == 0:
         return False
     start, end = np.empty((m, 3)), np.empty((m, 3))
-    from_, to = expand(scene.map, before, work.x), np.empty(LATTICE)
+    from_ = expand(scene.map, before, work.x)
     place_points(scene.touch, work.x, start)
-    to[:] = expand(scene.map, after, work.x)
+    to = expand(scene.map, after, work.x)
     place_points(scene.touch, work.x, end)
     near = scene.touch.points[0].length * APART
     chunks = (m + CHUNK - 1) // CHUNK

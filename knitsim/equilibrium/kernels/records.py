@@ -29,7 +29,7 @@ MAP_ENTRY = np.dtype([("column", "i8"), ("value", "f8")], align=True)
 # weight: reference length that the point stands for, times the copies of the cell (m); rest: rest
 # curvature (1/m) of a yarn that turns freely about itself; stiffness: bending rigidity (N m2); rounding
 # (1/m): kappa is taken as sqrt(kappa^2 + rounding^2) where that is not zero.  facing, turning: unit tangent
-# and rest curvature vector (1/m) of a yarn that does not turn about itself.
+# and rest curvature vector (1/m) of a yarn that does not turn about itself, zero of one that turns freely.
 ROD = np.dtype(
     [
         ("first", "i8"),
@@ -178,8 +178,7 @@ class Scene(NamedTuple):
     rod (ROD): a table.  law: the contact law.
     load (y size): dead loads, the energy falls by load . y.  scale (y size): the residual of unknown i
     is |gradient_i| scale_i (N), the force on one control point or on L.  bend: Bend or ().
-    fixtures: Fixtures or ().  spin: () where the yarn turns freely about itself or has no rest curvature,
-    (1,) where it does not turn.
+    fixtures: Fixtures or ().
     """
 
     map: Map
@@ -191,7 +190,6 @@ class Scene(NamedTuple):
     scale: np.ndarray
     bend: Bend
     fixtures: Fixtures
-    spin: tuple
 
 
 class Bent(NamedTuple):

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from knitsim.jit import choose, njit
+from knitsim.jit import njit
 
 
 @njit
@@ -175,16 +175,17 @@ def locked_point(point, facing, turning, v, w, order, form, tangent, terms):
 
 
 @njit
-def _locked(scene, point, v, w, order, form, tangent, terms):
-    locked_point(point, point.facing, point.turning, v, w, order, form, tangent, terms)
+def held_point(point, v, w, order, form, tangent, terms):
+    """:func:`locked_point` in the frame of the rod."""
+    f, t = point.facing, point.turning
+    locked_point(point, (f[0], f[1], f[2]), (t[0], t[1], t[2]), v, w, order, form, tangent, terms)
 
 
 @njit
-def _turning_freely(scene, point, v, w, order, form, tangent, terms):
-    """The rest curvature is in yarn_point already."""
-
-
-locked = choose("scene.spin", _locked, _turning_freely)
+def is_turned(point):
+    """Whether a yarn that does not turn about itself has a rest curvature at this point."""
+    turning = point.turning
+    return turning[0] != 0.0 or turning[1] != 0.0 or turning[2] != 0.0
 
 
 @njit
@@ -236,7 +237,8 @@ def add_flat_yarn(scene, lattice, order, work):
     for point in scene.rod:
         v, w = derivatives_at(point, work.x)
         yarn_point(point, scene.stretch, v, w, order, form, tangent, work.terms)
-        locked(scene, point, v, w, order, form, tangent, work.terms)
+        if is_turned(point):
+            held_point(point, v, w, order, form, tangent, work.terms)
         if order > 0:
             scatter(point, form, tangent, order, work.expanded, work.half)
 

@@ -16,7 +16,7 @@ from knitsim.equilibrium.kernels.crossings import segments_crossing
 from knitsim.equilibrium.kernels.friction import across, slip_matrix, spring_at
 from knitsim.equilibrium.kernels.lag import lag_point
 from knitsim.equilibrium.kernels.pairs import CHUNK, image_is_far
-from knitsim.equilibrium.kernels.yarn import derivatives_at, locked, yarn_point
+from knitsim.equilibrium.kernels.yarn import derivatives_at, held_point, is_turned, yarn_point
 from knitsim.jit import choose, njit
 
 
@@ -299,7 +299,8 @@ def add_yarn_blocks(scene, x, lags, graph, parts):
         f = point.first
         v, w = derivatives_at(point, x)
         yarn_point(point, scene.stretch, v, w, np.int64(2), form, tangent, terms)
-        locked(scene, point, v, w, np.int64(2), form, tangent, terms)
+        if is_turned(point):
+            held_point(point, v, w, np.int64(2), form, tangent, terms)
         add_lag(lags, p, point, v, w, tangent)
         turn, turn2 = 0.0, 0.0
         for k in range(4):
