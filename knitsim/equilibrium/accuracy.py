@@ -4,10 +4,10 @@ A test is solved on one rung of a ladder of resolutions and on the next.  What c
 other tells the error of the finer: that of the control points falls with the 6th to 7th power of their
 number, that of the contact points with the 4th (measured), so that from a rung to the next the error falls
 more than threefold and the finer lacks less than half of the change.  Below SETTLED control points this
-is not yet so, and the change itself is taken.  What is left wavers along the test; at each state the
-largest change of its neighbourhood stands.  With friction the test is also solved, on the coarser rung,
-in steps twice as long; the law is stepped implicitly, and its error falls at least in proportion to the
-step.
+is not yet so, nor with friction, where contact points stick or slide one by one: the change itself is
+taken.  What is left wavers along the test; at each state the largest change of its neighbourhood stands.
+With friction the test is also solved, on the coarser rung, in steps twice as long; the law is stepped
+implicitly, and its error falls at least in proportion to the step.
 
 Where an accuracy is asked for, rungs are climbed and steps halved until the estimate is met.
 """
@@ -25,7 +25,9 @@ from knitsim.errors import ComputationError, InputError
 # Control points a loop, and contact points over those of the contact law's rule.
 LADDER = ((48, 1.0), (72, 1.5), (112, 2.5), (168, 3.8), (248, 5.6))
 SETTLED, LACKING = 64, 0.5  # control points from which on an error is this part of the last change
-FLOOR = 0.01  # of the largest: below it an error is measured against this
+# Of the largest: below it an error is measured against this, on the first way and after its end, where
+# forces fall to zero and what counts is at which strain.
+FLOOR, LATER_FLOOR = 0.01, 0.1
 AROUND = 4  # states on either side whose error may stand for a state
 DENSER = 1.5  # contact points where those there are stand too far apart
 MOST_DENSE = 4.0  # contact points a test may end with, over those it began with
@@ -127,7 +129,7 @@ def _apart(relaxed, resolution):
 
 def _part(model):
     """Which part of the change from the coarser resolution the error is at most."""
-    return LACKING if model.cell.points >= SETTLED else 1.0
+    return LACKING if model.cell.points >= SETTLED and not model.rub else 1.0
 
 
 def _checked(accuracy):
@@ -215,7 +217,7 @@ def _with_errors(curve, coarse, steps):
     if not pairs:
         return curve
     off = sum(part * _off(a, b, curve) for part, a, b in pairs)
-    curve = curve.replaced(numerical_error=off / scale_of(curve.value))
+    curve = curve.replaced(numerical_error=off / scale_of(curve.value, curve.segment))
     if not isinstance(curve, BendingCurve):
         return curve
     off = sum(part * _off(a, b, curve, a.flat_moment - b.flat_moment) for part, a, b in pairs)
@@ -262,9 +264,11 @@ def _onward(x, places, values):
     return at
 
 
-def scale_of(values):
-    """What errors of a curve's values are measured against: the size, 1 % of the largest at least."""
-    return np.maximum(np.abs(values), FLOOR * np.abs(values).max(initial=0.0))
+def scale_of(values, segment=0):
+    """What errors of a curve's values are measured against: the size, and at least 1 % of the largest, or
+    10 % after the first turning point (segment above 0)."""
+    floor = np.where(np.asarray(segment) > 0, LATER_FLOOR, FLOOR)
+    return np.maximum(np.abs(values), floor * np.abs(values).max(initial=0.0))
 
 
 def _neighbourhood(values):

@@ -127,6 +127,10 @@ def _found(case, relaxed, asked, error, clock):
     curve, outcome, reason = clock.time("testing", guarded, solved, asked, relaxed, error)
     if curve is None:
         return {"outcome": outcome, "reason": reason}
+    if curve.model.rub and np.any(curve.increments > 1):
+        # What friction does is told anew exactly only where each solved step is a state.
+        asked = every_step(asked, curve)
+        curve = clock.time("testing", solved, asked, relaxed, error)
     found = {"outcome": STOPPED if curve.stop_reason else VERIFIED, "reason": curve.stop_reason}
     found["states"] = curve.steps
     if not curve.steps:
@@ -158,6 +162,18 @@ def _found(case, relaxed, asked, error, clock):
 
 def _load(asked, curve):
     return curve.moment_per_width if asked.kind == "bending" else curve.force_per_loop
+
+
+def every_step(asked, curve):
+    """The test with a state wherever the solver has stepped between two that are asked for."""
+    path = np.reshape(asked.path, (len(asked.path), -1))
+    parts = np.ones(len(path), dtype=int)
+    n = min(len(path), curve.steps)
+    parts[:n] = np.maximum(curve.increments[:n], 1)
+    before = np.concatenate([np.zeros((1, path.shape[1])), path[:-1]])
+    ways = zip(before, path, parts, strict=True)
+    filled = np.concatenate([np.linspace(a, b, k + 1)[1:] for a, b, k in ways])
+    return replace(asked, path=tuple(filled[:, 0] if filled.shape[1] == 1 else map(tuple, filled)))
 
 
 def solved(asked, relaxed, error=False, finer=1):
@@ -220,7 +236,7 @@ def _refined(case, relaxed, asked, curve):
     n = min(len(load), len(exact), len(asked.path))
     if n == 0:
         return None
-    off = np.abs(exact[:n] - load[:n]) / scale_of(load)[:n]
+    off = np.abs(exact[:n] - load[:n]) / scale_of(load, curve.segment)[:n]
     said = curve.numerical_error[:n]
     limit = np.where(np.isfinite(said), np.maximum(REFINED, said), np.inf)
     if not np.isfinite(limit).any():
