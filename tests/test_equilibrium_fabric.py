@@ -7,9 +7,11 @@ from knitsim.equilibrium.contact import BarrierContact, CoreContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.model import build_model, centreline
 from knitsim.equilibrium.pull import biaxial, shear, tensile
-from knitsim.equilibrium.relax import is_intact, relax, start_from
+from knitsim.equilibrium.relax import is_intact, relax, start_from, without
 from knitsim.errors import ComputationError, InputError
 from knitsim.loop.lattice import smallest_distance
+from knitsim.verification.trials.table import CAMPAIGNS
+from knitsim.verification.trials.told import relaxed_of
 from knitsim.yarn.law import TensionLaw, paper_k3
 
 COTTON = dict(
@@ -324,3 +326,11 @@ def test_impossible_inputs_are_refused(cotton):
 def test_no_state_at_all_is_an_error(cotton):
     with pytest.raises(ComputationError):
         tensile(cotton, "wale", [5.0], lateral="held")
+
+
+@pytest.mark.parametrize(("number", "held"), [(11, False), (3, True)])
+def test_a_fabric_that_would_shear_by_itself_is_told_unstable(number, held):
+    """Random fabrics, the first with set and a core law; the sign of the shear force decides."""
+    relaxed = without(relaxed_of(CAMPAIGNS["shear_campaign"].draw(number, 4242)), "sheared")
+    force = shear(relaxed, [0.002]).force_per_width[0]
+    assert (force > 0.0) == held == (relaxed.stable is not False)

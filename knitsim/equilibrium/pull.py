@@ -14,13 +14,12 @@ import math
 import numpy as np
 
 from knitsim.equilibrium.accuracy import solved
+from knitsim.equilibrium.kernels.records import COURSE_SPACING, SHEAR, WALE_SPACING
 from knitsim.equilibrium.relax import settle, without
 from knitsim.equilibrium.result import LOADING, RECOVERY, Curve
 from knitsim.equilibrium.walk import Walk
 from knitsim.errors import ComputationError, InputError
 
-# Entries of the lattice L.
-WALE_SPACING, COURSE_SPACING, SHEAR = 0, 3, 2
 PULLED = {"course": (WALE_SPACING, COURSE_SPACING), "wale": (COURSE_SPACING, WALE_SPACING)}
 LARGEST_STRAIN = 5.0
 INCREMENT = 0.1  # largest increment of strain without friction

@@ -16,6 +16,7 @@ from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.fold import folded
 from knitsim.equilibrium.kernels.accept import CROSSINGS_LOST, NOT_SETTLED, RAN_AWAY, TOO_CLOSE
 from knitsim.equilibrium.kernels.newton import CONVERGED, NO_DESCENT, NOT_FINITE, TOO_MANY
+from knitsim.equilibrium.kernels.records import SHEAR
 from knitsim.equilibrium.model import (
     Model,
     build_model,
@@ -79,9 +80,9 @@ class Relaxed:
     y: unknowns; wale_spacing, course_spacing (m); energy (4,): stretch, bend, contact, friction per loop
     (J); residual (N); min_distance (diameters, NaN where nothing is near); iterations;
     crossings_intact.  stable: whether the energy without friction has a minimum here, by all unknowns of
-    the cell; None for a symmetric cell, which cannot know (see :mod:`stability`).  memory: what
-    friction remembers of the way here, None where nothing has moved; history: that way.  passed: unstable
-    states with more symmetry that were left for this one (:mod:`.fold`).
+    the cell, shear among them; None where a symmetric cell finds one, as a larger may not (:mod:`stability`).
+    memory: what friction remembers of the way here, None where nothing has moved; history: that way.
+    passed: unstable states with more symmetry that were left for this one (:mod:`.fold`).
     """
 
     model: Model
@@ -256,8 +257,14 @@ def settle(model, y, free, used=0, scene=None):
         float(distance) if np.isfinite(distance) else np.nan,
         used + iterations,
         True,
-        None if model.cell.symmetric else is_stable(model, scene, y, free),
+        _stable(model, scene, y, np.union1d(free, model.free(SHEAR))),
     )
+
+
+def _stable(model, scene, y, free):
+    """Relaxed.stable: what a symmetric cell finds unstable is so, the reverse need not hold."""
+    stable = is_stable(model, scene, y, free)
+    return None if stable and model.cell.symmetric else stable
 
 
 def _run_into(model, nearest):

@@ -83,7 +83,7 @@ def linear_at(model, scene, y, free):
 
 
 def is_stable(model, scene, y, free):
-    """Whether the frictionless energy of a full cell is convex at y by all q and the free entries."""
+    """Whether the frictionless energy of the cell is convex at y by all q and the free entries."""
     if model.sparse:
         return factor_of(linear_at(model, scene, y, free)) is not None
     work = new_work(scene)

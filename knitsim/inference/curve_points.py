@@ -10,13 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from knitsim.equilibrium.pull import (
-    COURSE_SPACING,
-    LARGEST_STRAIN,
-    PULLED,
-    WALE_SPACING,
-    tensile,
-)
+from knitsim.equilibrium.kernels.records import COURSE_SPACING, WALE_SPACING
+from knitsim.equilibrium.pull import LARGEST_STRAIN, PULLED, tensile
 from knitsim.equilibrium.result import LOADING, RECOVERY
 from knitsim.errors import ComputationError
 from knitsim.measured.test import from_pretension

@@ -24,6 +24,10 @@ def run(fabric, laws):
     dataset["diameter"] = fabric.yarn["diameter"]
     dataset.attrs["fabric_history"] = history_json(fabric)
     dataset.attrs["stop_reason"] = curve.stop_reason
+    if curve.start.stable is False:
+        dataset.attrs["not_stable"] = (
+            "without friction the fabric would leave its flat, unsheared state at rest by itself"
+        )
     describe_stage(
         dataset, fabric, STAGE, title=f"Equilibrium shear test of {fabric.name}",
         summary="Shear in the plane of the fabric under tension along the wale; the force is that"

@@ -50,9 +50,10 @@ def write_summary(study, results, kes, path):
             _worst(row, dataset)
         if kind == "tensile":
             _largest(row, dataset)
-        if dataset.attrs.get("stop_reason"):
-            where = f"{model} {kind} {dataset.attrs['direction']}".strip()
-            row["stopped"].append(f"{where}: {dataset.attrs['stop_reason']}")
+        for said in ("stop_reason", "not_stable"):
+            if dataset.attrs.get(said):
+                where = f"{model} {kind} {dataset.attrs['direction']}".strip()
+                row["stopped"].append(f"{where}: {dataset.attrs[said]}")
     for dataset in opened(kes):
         _read(rows[dataset.attrs["fabric"]], dataset)
     for about, why in stopped(results):

@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 LATTICE = 5  # entries of L: a1 course, a1 wale, a2 course, a2 wale, angle
-ANGLE = 4  # which of them
+# Which of them: the spacings, how far a course is moved along the next by shear, the angle of a loop.
+WALE_SPACING, SHEAR, COURSE_SPACING, ANGLE = 0, 2, 3, 4
 
 
 # A row of each table.  Tables rather than an array per column: with many arrays in the arguments,
