@@ -8,6 +8,15 @@ from knitsim.loop.build import build_loop
 from knitsim.verification.judge.given import control_of
 from knitsim.yarn.law import paper_k3
 
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Tests that wait for a run of the whole workflow are slow."""
+    for item in items:
+        if "finished" in item.fixturenames:
+            item.add_marker(pytest.mark.slow)
+
+
 # The cotton fabric of the paper; diameter and loop length are assumptions of the project.
 COTTON = {
     "wale_spacing": 1e-2 / 6.67,

@@ -83,6 +83,7 @@ def test_points_do_not_come_beside_an_accuracy_later(tmp_path):
         fabric.with_value("scene.equilibrium_rest.points", 32)
 
 
+@pytest.mark.slow
 def test_an_accuracy_that_is_not_reached_is_told(tmp_path, monkeypatch):
     """With a ladder that ends early: the last rung stands, with the error that it still has."""
     monkeypatch.setattr(accuracy, "LADDER", ((24, 1.0), (32, 1.0)))
@@ -153,10 +154,8 @@ def exact(tmp_path_factory):
     return found
 
 
-@pytest.mark.parametrize(
-    "asked", [pytest.param(0.1, id="10 %"), *(pytest.param(a, marks=pytest.mark.slow)
-                                              for a in (0.01, 0.001))]
-)  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.parametrize("asked", [0.1, 0.01, 0.001])
 def test_results_keep_the_accuracy_asked_for(tmp_path, asked, exact):
     fabric = study_of(tmp_path, accuracy=asked).fabrics["cotton"]
     laws = {"continuous": stated_law(fabric.yarn)}

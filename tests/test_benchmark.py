@@ -289,6 +289,7 @@ def test_lifted_rod_of_small_lift():
     assert y / lift == pytest.approx(1.0 + 1.5 * 0.6 / 0.4, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_own_solver_comes_to_the_exact_answers():
     assert benchmark_elastica.own_cantilever(40, 2) < 1e-4
     assert benchmark_elastica.own_lifted(80, 1) < 1e-3

@@ -290,6 +290,7 @@ def test_inputs_that_do_the_same_are_said_to_be_inseparable():
     assert any("cannot tell core_diameter and bending_rigidity apart" in w for w in found.warnings)
 
 
+@pytest.mark.slow
 def test_a_parameter_on_its_bound_is_said_to_be(two_strains):
     curve = tension("wale", "wale", FORCES, two_strains)
     free = [Parameter("core_diameter", 0.5e-3, 0.67e-3, 0.6e-3)]
@@ -314,6 +315,7 @@ def test_one_wild_point_moves_the_fit_little(two_strains):
     assert bad.low[0] < 0.68e-3 < bad.high[0]
 
 
+@pytest.mark.slow
 def test_failed_trials_are_noted_and_the_fit_goes_on(two_strains):
     # Thicker yarns have no room in a loop of this length: there the search starts.
     free = [Parameter("diameter", 1.35e-3, 3.1e-3, 3.0e-3)]

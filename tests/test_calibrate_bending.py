@@ -70,6 +70,7 @@ def check_finds_itself(relaxed, name, direction):
     assert fitted(test) == pytest.approx(RIGIDITY, rel=limit)
 
 
+@pytest.mark.slow
 def test_a_fit_finds_the_rigidity_that_made_a_loop(relaxed):
     check_finds_itself(relaxed, "one side", "wale")
 

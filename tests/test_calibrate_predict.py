@@ -69,6 +69,7 @@ def test_the_band_is_what_the_ends_of_the_interval_make_of_it(calibration):
     )
 
 
+@pytest.mark.slow
 def test_an_input_on_its_bound_has_a_band_to_one_side():
     strain = np.array([strain_at(ACRYLIC, "wale", force) for force in FORCES])
     curve = tension("wale", "wale", FORCES, strain * [1.02, 0.97, 1.01])
@@ -144,6 +145,7 @@ def test_a_predictor_needs_a_source():
         Predictor(ACRYLIC, resolution=COARSE).tension("wale", [3.0, 2.0])
 
 
+@pytest.mark.slow
 def test_sensitivities_obey_the_scaling_of_forces():
     """All stiffnesses by a factor is the force by its inverse: the effects of bending rigidity,
     shell stiffness and the yarn's tension law add up to minus that of the force."""

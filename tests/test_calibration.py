@@ -234,6 +234,7 @@ RATES = [
 
 
 @pytest.mark.parametrize(("kind", "slack", "toe", "noise"), RATES)
+@pytest.mark.slow
 def test_true_constants_lie_in_their_intervals_at_the_stated_rate(kind, slack, toe, noise):
     hits = [true_within(kind, one, slack, toe) for one in hundred_fits(kind, slack, toe, noise)]
     for name in (*CONSTANTS[kind], "slack", "toe_half_width"):

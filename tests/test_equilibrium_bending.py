@@ -111,6 +111,7 @@ def bend_straight(curvatures, couple=(), load=0.0, largest=10.0):
     return states, force[:, -1] / 2e-3, count, status
 
 
+@pytest.mark.slow
 def test_straight_yarns_side_by_side_have_their_own_rigidity():
     curvatures = np.array([0.0, 50.0, 250.0, -250.0])
     _, moment, _, status = bend_straight(curvatures)
@@ -132,6 +133,7 @@ def stop(kappa, couple):
 
 
 @pytest.mark.parametrize("path", [CYCLE, [20.0, 40.0, 15.0, 90.0, 75.0, 85.0, -30.0, 12.0, -100.0]])
+@pytest.mark.slow
 def test_yarn_that_lags_gives_its_own_hysteresis(path):
     """M = (B kappa + the couple of a Jenkins element)/c, whatever the way; the book of losses too."""
     couple, length = Couple(2e-7, 1e-8), 5e-3

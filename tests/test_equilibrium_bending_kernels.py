@@ -149,6 +149,7 @@ def yarn_energy(scene, kappa, x):
     return work.terms, work.bent.by_kappa[0]
 
 
+@pytest.mark.slow
 def test_straight_yarn_round_a_cylinder_keeps_its_own_rigidity(cotton):
     """Laid out along the course at z = 0 the yarn has the energy B kappa^2/2 per length."""
     scene = cotton.model.scene

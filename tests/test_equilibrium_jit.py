@@ -54,6 +54,7 @@ def with_and_without(script):
     return found
 
 
+@pytest.mark.slow
 def test_open_yarns_with_and_without_compilation():
     compiled, plain = with_and_without(OPEN)
     assert compiled[2] > 0.0

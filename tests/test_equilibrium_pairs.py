@@ -96,7 +96,15 @@ def missing_from(listed, scene, y, work):
 
 @pytest.mark.parametrize(
     ("kind", "bent"),
-    [*((kind, bent) for kind in ("symmetric", "dense") for bent in (None, 0, 1)), ("sparse", None)],
+    [("symmetric", None), ("symmetric", 0)]
+    + [
+        pytest.param(*kind, marks=pytest.mark.slow)
+        for kind in [
+            ("symmetric", 1),
+            *(("dense", bent) for bent in (None, 0, 1)),
+            ("sparse", None),
+        ]
+    ],
 )
 def test_a_list_that_covers_a_shape_has_all_that_touch_in_it(cotton, kind, bent):
     model, rest = model_and_state(cotton, kind)

@@ -78,6 +78,7 @@ def along_the_course(length, height=0.0):
     return lambda t: np.stack([length * (t - 0.5), 0.0 * t, height + 0.0 * t], axis=-1)
 
 
+@pytest.mark.slow
 def test_block_on_a_cylinder_under_an_alternating_push():
     """The normal turns and the normal force changes; the error falls with the increment."""
     length, weight = 5e-3, 1.0

@@ -132,6 +132,7 @@ def test_losses_of_jumps_are_never_negative():
     assert (record[:, 3] <= 0.5 * limits**2 / STIFFNESS * (1.0 + 1e-12)).all()
 
 
+@pytest.mark.slow
 def test_no_energy_is_gained_in_ten_thousand_cycles():
     """One contact through cycle after cycle: the work, less what is held, only grows.
 

@@ -148,6 +148,7 @@ def test_a_linear_model_has_the_posterior_of_the_textbook():
     assert (found.draws(50, seed=4)[0] == found.draws(50, seed=4)[0]).all()
 
 
+@pytest.mark.slow
 def test_bands_hold_what_they_say_when_truths_come_from_the_distribution():
     rng = np.random.default_rng(5)
     slopes = 0.1 * rng.normal(size=(16, 3))

@@ -193,6 +193,7 @@ sticky_yarn:
 """
 
 
+@pytest.mark.slow
 def test_a_yarn_that_fails_costs_no_other_anything(project, finished):
     yarn = (project.folder / STUDY / "yarns.yaml").read_text().replace("small:", "sticky:")
     fabric = (
