@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 import yaml
 
 from knitsim.equilibrium import accuracy
@@ -17,6 +18,8 @@ from knitsim.errors import InputError
 from knitsim.stages import equilibrium_bending, equilibrium_rest, equilibrium_tension
 from knitsim.stages.equilibrium import finest, settings_of, solver_fabric
 from knitsim.stages.laws import stated_law
+from knitsim.stages.summary import _worst
+from knitsim.store.tensile import counted_error
 from knitsim.study.study import load_study
 
 SMOOTH = {"smooth": {}}
@@ -200,3 +203,39 @@ def test_results_with_friction_keep_the_accuracy_asked_for(tmp_path, asked):
         assert 0.0 < float(pulled.numerical_error.max()) <= asked
         told = json.loads(pulled.attrs["settings"])["rubs"]
         assert told["increment"] < 0.02 or asked > 0.01
+
+
+@pytest.mark.parametrize("slope", [0.5, 10.0, 1000.0])
+def test_on_a_steep_way_back_what_counts_is_how_far_the_curve_is_off(slope):
+    """Out along a line, back along a steeper one that is moved by a part of the whole way in strain."""
+    out, back = np.linspace(0.05, 1.0, 20), 1.0 - np.linspace(0.01, 0.9 / max(slope, 1.0), 20)
+    strain = np.concatenate([out, back])
+    force = np.concatenate([out, 1.0 + slope * (back - 1.0)])
+    segment = np.repeat([0, 1], 20)
+    shift = 1e-3
+    off = np.where(segment == 0, 1e-4, slope * shift)
+    error = counted_error(force, strain, segment, off / np.fmax(np.abs(force), 0.01))
+    assert error[:20] == pytest.approx(1e-4 / np.fmax(out, 0.01))
+    assert (error[20:] <= 1.01 * off[20:] / np.fmax(np.abs(force[20:]), 0.1)).all()
+    if slope >= 10.0:
+        # Moved by this part of the way, whatever the slope.
+        assert error[20:] == pytest.approx(shift / np.ptp(strain), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [([0.001, 0.002], ""), ([0.001, 0.3], "up to 30 %"), ([0.001, np.nan], "is not known")],
+)
+def test_an_error_that_nothing_can_be_built_on_is_said_aloud(error, said):
+    steps = ("variant", "step")
+    dataset = xr.Dataset(
+        {
+            "force_per_width": (steps, [[1.0, 2.0]]), "segment": (steps, [[0, 0]]),
+            "numerical_error": (steps, [error]),
+        },
+        {"strain": (steps, [[0.1, 0.2]]), "variant": ["kes"]}, {"kind": "tensile", "direction": "wale"},
+    )  # fmt: skip
+    row = {"stopped": [], "largest_numerical_error_percent": ""}
+    _worst(row, dataset)
+    assert said in " ".join(row["stopped"])
+    assert bool(row["stopped"]) == bool(said)

@@ -15,7 +15,7 @@ from knitsim.stages.laws import laws_of
 from knitsim.store.tensile import absolute_error
 from knitsim.study.study import load_study
 
-FIGURES = named("relaxed", "equilibrium_tension")
+FIGURES = named("relaxed", "equilibrium_tension", "cycles")
 SMALL = Path(__file__).parents[1] / "config" / "small"
 
 

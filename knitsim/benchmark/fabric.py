@@ -14,11 +14,11 @@ from knitsim.benchmark.front import Setting, Task
 from knitsim.equilibrium import bend as bending
 from knitsim.equilibrium import model
 from knitsim.equilibrium import pull as tension
-from knitsim.equilibrium.accuracy import FLOOR
 from knitsim.equilibrium.bend import bend
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
+from knitsim.store.tensile import SMALLEST_OF_LARGEST
 from knitsim.yarn.law import paper_k3
 
 COTTON = Fabric(1e-2 / 6.67, 1e-2 / 8.33, 5.56e-3, 0.2793e-3, 5e-9, paper_k3(continuous=True))
@@ -105,7 +105,7 @@ def force_errors(curve, reference):
         return (np.nan,) * (2 if reference.phase.any() else 1)
     loading = reference.phase == 0
     strain, force = reference.strain[loading], reference.force_per_loop[loading]
-    least = FLOOR * force.max()
+    least = SMALLEST_OF_LARGEST * force.max()
     largest = 0.0
     # The last state of a recovery is where the force is zero, at a strain of its own.
     for phase, own, theirs in ((0, slice(None), slice(None)), (1, slice(-1), slice(-1))):

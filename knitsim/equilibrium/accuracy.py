@@ -21,13 +21,11 @@ from knitsim.equilibrium.model import build_model, resampled, with_set
 from knitsim.equilibrium.relax import MOST_CONTACTS, TOO_CLOSE, refining, settle
 from knitsim.equilibrium.result import BendingCurve
 from knitsim.errors import ComputationError, InputError
+from knitsim.store.tensile import SMALLEST_OF_LARGEST, counted_error, counted_scale
 
 # Control points a loop, and contact points over those of the contact law's rule.
 LADDER = ((48, 1.0), (72, 1.5), (112, 2.5), (168, 3.8), (248, 5.6))
 SETTLED, LACKING = 64, 0.5  # control points from which on an error is this part of the last change
-# Of the largest: below it an error is measured against this, on the first way and after its end, where
-# forces fall to zero and what counts is at which strain.
-FLOOR, LATER_FLOOR = 0.01, 0.1
 AROUND = 4  # states on either side whose error may stand for a state
 DENSER = 1.5  # contact points where those there are stand too far apart
 MOST_DENSE = 4.0  # contact points a test may end with, over those it began with
@@ -189,8 +187,8 @@ def _fine(run, start, increment):
 
 
 def largest_error(curve):
-    """The largest estimated error of a result; infinite where one is not known."""
-    errors = [curve.numerical_error]
+    """The largest estimated error of a result that counts; infinite where one is not known."""
+    errors = [counted_error(curve.value, curve.place, curve.segment, curve.numerical_error)]
     if isinstance(curve, BendingCurve):
         errors.append(curve.change_error)
     errors = np.concatenate(errors)
@@ -217,7 +215,7 @@ def _with_errors(curve, coarse, steps):
     if not pairs:
         return curve
     off = sum(part * _off(a, b, curve) for part, a, b in pairs)
-    curve = curve.replaced(numerical_error=off / scale_of(curve.value, curve.segment))
+    curve = curve.replaced(numerical_error=off / scale_of(curve.value))
     if not isinstance(curve, BendingCurve):
         return curve
     off = sum(part * _off(a, b, curve, a.flat_moment - b.flat_moment) for part, a, b in pairs)
@@ -228,10 +226,16 @@ def _with_errors(curve, coarse, steps):
 def _off(one, other, curve, shift=0.0):
     """Difference of the values of two solutions at the states of a curve, (steps,).
 
-    The largest around each state; NaN where one of them did not come.  shift: by which the values of
-    the one are higher throughout.
+    The largest around each state on the same way, after the first one as it counts there; NaN where one
+    of them did not come.  shift: by which the values of the one are higher throughout.
     """
-    return _neighbourhood(np.abs(_at(one, curve) - shift - _at(other, curve)))
+    off = np.abs(_at(one, curve) - shift - _at(other, curve))
+    scale = counted_scale(curve.value, curve.place, curve.segment)
+    for segment in np.unique(curve.segment):
+        mine = curve.segment == segment
+        over = scale[mine] if segment > 0 else 1.0
+        off[mine] = _neighbourhood(off[mine] / over) * over
+    return off
 
 
 def _at(one, curve):
@@ -264,11 +268,9 @@ def _onward(x, places, values):
     return at
 
 
-def scale_of(values, segment=0):
-    """What errors of a curve's values are measured against: the size, and at least 1 % of the largest, or
-    10 % after the first turning point (segment above 0)."""
-    floor = np.where(np.asarray(segment) > 0, LATER_FLOOR, FLOOR)
-    return np.maximum(np.abs(values), floor * np.abs(values).max(initial=0.0))
+def scale_of(values):
+    """What errors of a curve's values are measured against: the size, 1 % of the largest at least."""
+    return np.maximum(np.abs(values), SMALLEST_OF_LARGEST * np.abs(values).max(initial=0.0))
 
 
 def _neighbourhood(values):

@@ -48,9 +48,9 @@ def tensile(
     residual strain, is the last of the cycle.  cycles: how often to load and recover.  to_force: end
     loading at this force per width (N/m) where it comes before the last strain; that state is then
     the last.  increment: largest strain of one solved step with friction.  accuracy: largest estimated
-    error of the force that is asked for, over max(|force|, 1 % of the largest), 10 % on the way back;
-    resolution and increment are then chosen to meet it.  estimate_error: fill numerical_error without
-    asking for an accuracy (:mod:`.accuracy`).
+    error of the force that is asked for, over max(|force|, 1 % of the largest), on the ways back that
+    of the curve (:func:`knitsim.store.tensile.counted_error`); resolution and increment are then chosen
+    to meet it.  estimate_error: fill numerical_error without asking for an accuracy (:mod:`.accuracy`).
 
     A path that cannot be followed to its end gives the states reached and a stop_reason.  Raises
     InputError for strains, forces or names that make no sense, ComputationError where the lateral

@@ -28,8 +28,8 @@ class States:
     the states themselves.  memory: what friction remembers at the end.  stop_reason: not empty where a
     test ends early; it then has fewer rows; ended: the status of the solver that says so.  increment:
     largest change, of what is asked for, in one solved step with friction; NaN without.
-    numerical_error (1): estimated error of the force or moment over max(|it|, 1 % of the largest), after
-    the first turning point 10 %; NaN where it was not asked for or not found.
+    numerical_error (1): estimated error of the force or moment over max(|it|, 1 % of the largest); NaN
+    where it was not asked for or not found.
     """
 
     model: Model

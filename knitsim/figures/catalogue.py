@@ -188,6 +188,12 @@ FIGURES = (
         " Munden's constants of dry relaxed fabrics.",
     ),
     Figure(
+        "fig23_cycles", "solved", "cycles", "fabric", (*_SOLVED, "relaxed"),
+        "Pulled and released again and again with friction: loops of load and extension, peak force,"
+        " energy lost and strain left in each cycle, and the spacings in which friction lets the fabric"
+        " rest, a line from that after a pull along the wale to that after one along the course.",
+    ),
+    Figure(
         "fig33_sensitivity", "solved", "sensitivity", "fabric", ("sensitivity",),
         "Per cent of each result for one per cent of each input, with friction; bars at the ends show"
         " what numerical noise leaves uncertain. Loop length is the input to measure best.",

@@ -8,6 +8,7 @@ import numpy as np
 
 from knitsim.store.reader import opened, stopped
 from knitsim.store.results import DIRECTIONS
+from knitsim.store.tensile import counted_error
 from knitsim.store.timing import write_csv
 from knitsim.units import from_si
 
@@ -21,6 +22,7 @@ READ = (
     ("bending", "M0", "curl_moment_gf_cm_per_cm"),
 )
 SPACINGS = ("wale_spacing", "course_spacing")
+LOUD = 20.0  # per cent of numerical error above which nothing should be built on a test
 COLUMNS = (
     "fabric", "yarn",
     *(f"{state}{name}_mm" for name in SPACINGS for state in ("stated_", "rest_")),
@@ -78,11 +80,22 @@ def _stated(fabric):
 
 
 def _worst(row, dataset):
-    error = np.abs(dataset["numerical_error"].values)
-    known = error[np.isfinite(error)]
-    if known.size:
+    """The largest error that counts; one that is not known, or too large to build on, is said aloud."""
+    along = "curvature" if "curvature" in dataset.coords else "strain"
+    value = dataset["moment_per_width" if along == "curvature" else "force_per_width"]
+    where = f"{dataset.attrs['kind']} {dataset.attrs['direction']}"
+    for name in dataset.variant.values:
+        got = [a.sel(variant=name).values if "variant" in a.dims else a.values
+               for a in (value, dataset[along], dataset["segment"], dataset["numerical_error"])]  # fmt: skip
+        reached = np.isfinite(got[0])
+        error = counted_error(*(column[reached] for column in got))
+        if not np.isfinite(error).all():
+            row["stopped"].append(f"{where}, {name}: its numerical error is not known")
+        known = 100.0 * np.max(error[np.isfinite(error)], initial=0.0)
+        if known > LOUD:
+            row["stopped"].append(f"{where}, {name}: its numerical error is up to {known:.2g} %")
         before = float(row["largest_numerical_error_percent"] or 0.0)
-        row["largest_numerical_error_percent"] = f"{max(before, 100.0 * known.max()):.3g}"
+        row["largest_numerical_error_percent"] = f"{max(before, known):.3g}"
 
 
 def _largest(row, dataset):

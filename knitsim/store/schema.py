@@ -210,8 +210,7 @@ VARIABLES = {
         ("valid", "beyond_breaking_strain", "not_defined", "not_converged", "crossings_lost"),
     ),
     "numerical_error": Name(
-        "1", "estimated error of the force or moment over max(its size, 1 % of the largest; 10 % on the way"
-        " back)"
+        "1", "estimated error of the force or moment over max(its size, 1 % of the largest)"
     ),
     "change_error": Name(
         "1", "estimated error of the moment's change from the flat fabric, over the largest change"

@@ -7,6 +7,7 @@ from scipy.interpolate import CubicSpline
 from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES
 
 SMALLEST_OF_LARGEST = 0.01  # numerical_error is relative to no less than that of the largest value
+LATER_SMALLEST = 0.1  # the same for what counts of it after the first turning point
 
 
 def stack_variants(datasets):
@@ -68,7 +69,7 @@ def test_dataset(along, values, recovery, variables, *, stretch_energy):
 def absolute_error(values, relative):
     """Error of forces or moments (steps,) from the ``relative`` one that the store keeps of them."""
     size = np.abs(values)
-    return relative * np.fmax(size, SMALLEST_OF_LARGEST * np.nanmax(size))
+    return relative * np.fmax(size, SMALLEST_OF_LARGEST * np.nanmax(size, initial=0.0))
 
 
 def loop_coordinates(points, wales=1, courses=1):
@@ -80,3 +81,32 @@ def loop_coordinates(points, wales=1, courses=1):
         "point": np.arange(points),
         "axis": list(AXES),
     }
+
+
+def counted_scale(values, along, segment):
+    """Over what (steps,) an error of forces or moments counts where an accuracy is asked for.
+
+    On the first way over the value, 1 % of the largest at least.  On later ones forces fall steeply to
+    zero, and what counts is how far the curve is off: along the force, over the force or 10 % of the
+    largest, and along the strain, over the whole way, together as the distance of two curves in a picture
+    of them.  values, along: forces over strains, or moments over curvatures; segment: number of the way.
+    """
+    values, along, segment = np.asarray(values), np.asarray(along), np.asarray(segment)
+    size = np.abs(values)
+    largest = np.nanmax(size, initial=0.0)
+    scale = np.fmax(size, SMALLEST_OF_LARGEST * largest)
+    for one in np.unique(segment[segment > 0]):
+        mine = np.flatnonzero(segment == one)
+        # A way begins at the end of the one before.
+        way = np.concatenate([mine[:1] - 1, mine])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = np.gradient(values[way], along[way])[1:]
+        steep = np.nan_to_num(slope, posinf=0.0, neginf=0.0) * (np.nanmax(along) - np.nanmin(along))
+        scale[mine] = np.hypot(np.fmax(size[mine], LATER_SMALLEST * largest), steep)
+    return scale
+
+
+def counted_error(values, along, segment, numerical_error):
+    """What counts of numerical errors (steps,): over :func:`counted_scale`."""
+    off = absolute_error(values, numerical_error)
+    return off / np.fmax(counted_scale(values, along, segment), np.finfo(float).tiny)

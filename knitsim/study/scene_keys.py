@@ -196,7 +196,7 @@ EQUILIBRIUM_TENSION = Section(
             default_entries={
                 "frictionless": {},
                 "friction": {
-                    "friction": True, "recovery": True, "max_strain_course": 0.6,
+                    "friction": True, "recovery": True, "cycles": 3, "max_strain_course": 0.6,
                     "max_strain_wale": 0.4,
                 },
                 "held": {"lateral": "held", "max_strain_course": 0.6, "max_strain_wale": 0.4},

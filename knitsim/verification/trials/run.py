@@ -236,7 +236,7 @@ def _refined(case, relaxed, asked, curve):
     n = min(len(load), len(exact), len(asked.path))
     if n == 0:
         return None
-    off = np.abs(exact[:n] - load[:n]) / scale_of(load, curve.segment)[:n]
+    off = np.abs(exact[:n] - load[:n]) / scale_of(load)[:n]
     said = curve.numerical_error[:n]
     limit = np.where(np.isfinite(said), np.maximum(REFINED, said), np.inf)
     if not np.isfinite(limit).any():

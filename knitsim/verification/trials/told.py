@@ -3,7 +3,6 @@
 import numpy as np
 
 from knitsim.equilibrium import spline
-from knitsim.equilibrium.accuracy import scale_of
 from knitsim.equilibrium.cell import loops_of
 from knitsim.equilibrium.contact import BarrierContact, CoreContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
@@ -97,7 +96,7 @@ def states_of(asked, relaxed, curve):
         "lattice": lattice_of(model, curve.y), "energy": curve.energy[:, :3], "work": curve.work,
         "sprung": curve.energy[:, 3],
         "dissipated": curve.dissipated, "min_distance": curve.min_distance,
-        "numerical_error": curve.numerical_error * _rescaled(curve), "increments": curve.increments,
+        "numerical_error": curve.numerical_error, "increments": curve.increments,
     }  # fmt: skip
     if asked.kind == "bending":
         columns |= {
@@ -113,11 +112,6 @@ def states_of(asked, relaxed, curve):
     # Unloaded, the way starts in the state at rest.
     rest = _states(relaxed, {"coordinate": np.zeros((1, len(both)))}, 1)
     return States(**{n: np.concatenate([getattr(rest, n), v]) for n, v in vars(states).items()})
-
-
-def _rescaled(curve):
-    """What the solver measures its errors against, over what the judge does."""
-    return scale_of(curve.value, curve.segment) / np.fmax(scale_of(curve.value), 1e-300)
 
 
 def _loaded(asked):
