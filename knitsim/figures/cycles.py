@@ -85,13 +85,17 @@ def _worn(ax, curve):
         whole = value[0] if name != "cycle_residual_strain" else 1.0
         ax.plot(curve["round"].values, 100.0 * value / whole, mark, color=style.BLACK, markersize=3.5,
                 markerfacecolor="white", label=text)  # fmt: skip
-    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    last = int(curve["round"].max())
+    ax.set_xlim(0.5, last + 0.5)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     ax.set(xlabel="cycle (1)", ylabel="share, or strain (%)", ylim=(0.0, 110.0))
 
 
 def _closing(curve, direction):
     """When the loops close, and how the fabric grows, in words."""
     closes, growth = float(curve.cycles_to_close), 100.0 * float(curve.growth)
+    if curve.sizes["round"] == 1:
+        return f"Along the {direction} there is one cycle only."
     when = (
         f"from cycle {closes:.0f} on the peak changes by less than {CLOSED:g} %"
         if np.isfinite(closes)
