@@ -38,13 +38,11 @@ def given_of(case, relaxed):
     """What the judge is told of a Case and of how finely it was solved: as the state at rest was."""
     model, cell, held = relaxed.model, relaxed.model.cell, None
     if case.set_fraction > 0.0:
-        # All loops of a cell take the same set.
-        line = lines_of(model, model.held)[0]
-        held = line[: 2 * cell.points + 1], lattice_of(model, model.held)
+        held = lines_of(model, model.held), lattice_of(model, model.held)
     return Given(
         case.loop_length, case.diameter, case.bending_rigidity, case.law_strain, case.law_tension,
         case.contact, case.friction, cell.points, cell.contacts, cell.wales, cell.courses,
-        set_fraction=case.set_fraction, held=held,
+        model.fabric.pattern.rows, set_fraction=case.set_fraction, held=held,
         bending_hysteresis=case.bending_hysteresis, tangential_ratio=case.tangential_ratio,
     )  # fmt: skip
 
