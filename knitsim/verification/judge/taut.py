@@ -16,8 +16,8 @@ from knitsim.verification.judge.measure import NEIGHBOURS, images_around, size_o
 from knitsim.verification.judge.shape import as_patterned
 
 VIEW = 2  # pieces per span
-# Loop length over wale and course spacing of the open cell; distance up to which yarns push (diameters).
-WIDE, HIGH, APART = 2.4, 4.0, 0.8
+WIDE, HIGH = 2.4, 4.0  # loop length over wale and course spacing of the open cell
+APART = 0.8, 0.4  # diameters up to which yarns push, tried in turn
 PUSH = 0.5  # of a crossing over the yarn's pull
 PACE = 5.0  # of a step: pieces over which a yarn evens out in it
 SAFE = 0.45  # of the way to what lies nearest
@@ -51,8 +51,8 @@ def lines_of(given, control, lattice):
 class _Near:
     """Pairs of pieces of Lines whose middles are closer than ``reach``, each once.
 
-    i, k, image (pairs, 2) by which k is moved; gap (pairs, 3): from k to i, its length distance; room: what
-    lies between them at least.  beyond: the same of all other pairs.
+    i, k, image (pairs, 2) by which k is moved; gap (pairs, 3): from k to i where they are closest, its length
+    room.  beyond: what lies between all other pairs at least.
     """
 
     def __init__(self, given, lines, reach):
@@ -77,10 +77,28 @@ class _Near:
         order = np.lexsort((k, i, far // len(middle)))
         order = order[keep[order]]
         self.i, self.k, self.image = i[order], k[order], image[order]
-        self.gap = middle[self.i] - moved[far[order]]
-        self.distance = size_of(self.gap)
-        self.room = self.distance - 0.5 * (size[self.i] + size[self.k])
+        ends = pieces.reshape(-1, 3)
+        self.gap = _closest(middle[self.i] - moved[far[order]], ends[self.i], ends[self.k])
+        self.room = size_of(self.gap)
         self.beyond = reach - size.max()
+
+
+def _closest(gap, a, b):
+    """The shortest ways (n, 3) from straight pieces b to a (n, 3), whose middles are a gap (n, 3) apart.
+
+    Between the insides of both, or from an end of one to the other.
+    """
+    aa, bb, ab = (a * a).sum(1), (b * b).sum(1), (a * b).sum(1)
+    ag, bg = (a * gap).sum(1), (b * gap).sum(1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        both = np.stack([ab * bg - bb * ag, aa * bg - ab * ag]) / (aa * bb - ab * ab)
+    places = [np.where((np.abs(both) <= 0.5).all(0), both, 0.5)]
+    for end in (-0.5, 0.5):
+        at = np.full(len(a), end)
+        places.append((at, np.clip((end * ab + bg) / bb, -0.5, 0.5)))
+        places.append((np.clip((end * ab - ag) / aa, -0.5, 0.5), at))
+    ways = np.array([gap + s[:, None] * a - t[:, None] * b for s, t in places])
+    return ways[size_of(ways).argmin(0), np.arange(len(a))]
 
 
 def straight(given, before, after):
@@ -108,12 +126,17 @@ def straight(given, before, after):
 
 def taut(given, lines):
     """Whether the yarns, drawn taut in an open cell, cross as the pattern says."""
+    return any(_drawn(given, lines, apart * given.diameter) for apart in APART)
+
+
+def _drawn(given, lines, apart):
+    """The same for yarns that push up to a distance (m)."""
     open_cell = np.diag([given.loop_length / WIDE, given.loop_length / HIGH])
     open_cell *= [[given.wales], [given.courses]]
     corners = lines.corners.copy()
     corners[..., :2] = corners[..., :2] @ np.linalg.solve(lines.cell, open_cell)
     lines = Lines(corners, open_cell)
-    count, apart = corners.shape[1], APART * given.diameter
+    count = corners.shape[1]
     pull = 2.0 * np.eye(count) - np.roll(np.eye(count), 1, 0) - np.roll(np.eye(count), -1, 0)
     soften = np.linalg.inv(pull + np.eye(count) / PACE)
     for step in range(STEPS):
@@ -124,8 +147,8 @@ def taut(given, lines):
         room = min(near.room.min(initial=np.inf), near.beyond)
         if room <= 0.0:
             return False
-        push = PUSH * apart * np.maximum(apart / near.distance - 1.0, 0.0)
-        push = (push / near.distance)[:, None] * near.gap
+        push = PUSH * apart * np.maximum(apart / near.room - 1.0, 0.0)
+        push = (push / near.room)[:, None] * near.gap
         ends, forces = np.concatenate([near.i, near.k]), np.concatenate([push, -push])
         on = [np.bincount(ends, column, pieces[..., 0].size) for column in forces.T]
         on = np.stack(on, axis=1).reshape(pieces.shape)
@@ -156,7 +179,7 @@ def not_interlooped(given, controls, lattices):
     for number, (control, lattice) in enumerate(zip(controls, lattices, strict=True)):
         lines = lines_of(given, control, lattice)
         if not as_patterned(given, _closed(lines), lines.cell) and not (
-            folds and (before and straight(given, before, lines) or taut(given, lines))
+            folds and ((before and straight(given, before, lines)) or taut(given, lines))
         ):
             return number
         before = lines
