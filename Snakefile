@@ -4,6 +4,8 @@
     snakemake -c2 campaign                 1,000 random fabrics pulled, each result judged
     snakemake -c2 bending_campaign         300 random fabrics bent
     snakemake -c2 shear_campaign           500 random fabrics sheared
+    snakemake -c2 friction_campaign        500 random fabrics pulled and released three times
+    snakemake -c2 pattern_campaign         300 random fabrics of knit and purl pulled
     snakemake -c2 stress                   5,000 random and worst cases, with a map of the limits
     snakemake -c2 stress --config seed=7 cases=100   other cases of a campaign, or fewer
     snakemake -c2 calibration              also the calibrations that the study marks on_request

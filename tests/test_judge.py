@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitsim.verification.judge.given import Barrier, Core, control_of, design
+from knitsim.verification.judge.given import Barrier, Core, controls_of, design
 from knitsim.verification.judge.loads import BEND, GAUSS, Loads
 from knitsim.verification.judge.measure import Energy
 from knitsim.verification.judge.shape import closest
-from knitsim.verification.judge.verdict import Test, _controls, judge
+from knitsim.verification.judge.verdict import Test, judge
 from knitsim.verification.trials import run
 from knitsim.verification.trials.law import FIRST, Asked, Case, cycle
 from knitsim.verification.trials.told import given_of, relaxed_of, rest_of, states_of, wanted_of
@@ -139,7 +139,7 @@ def test_a_state_that_is_no_equilibrium(result):
     """A spot of the yarn pushed by a hundredth of a diameter, everything else told accordingly."""
     given, states, test = result
     for i in (0, len(states.work) - 1):
-        control = _controls(given, states.centreline[i], states.lattice[i])
+        control = controls_of(states.centreline[i], states.lattice[i], given.wales)
         control[0, 5] += 0.01 * given.diameter * np.array([1.0, 1.0, 0.0])
         line, energy, near = (
             np.array(getattr(states, n)) for n in ("centreline", "energy", "min_distance")
@@ -203,7 +203,7 @@ def test_cores_inside_each_other_between_contact_points():
     given, states, test = solved("loaded across, shell")
     energy = Energy(given, GAUSS, given.contacts, True)
     shapes = [
-        energy.shape(_controls(given, line, lattice), lattice)
+        energy.shape(controls_of(line, lattice, given.wales), lattice)
         for line, lattice in zip(states.centreline, states.lattice, strict=True)
     ]
     at_points = min(shape.distance.min() for shape in shapes)
@@ -223,12 +223,12 @@ def test_set_that_is_ignored_or_skewed():
     assert "energy is not that of the shape" in found(
         replace(given, set_fraction=0.45), states, test
     )
-    line, lattice = given.held
-    control = control_of(line[:-1:2], [*lattice[:2], 0.0])
-    control[7, 0] += 0.01 * D
-    skewed = on_its_spline(replace(given, wales=1), control[None], lattice)[0]
+    lines, lattice = given.held
+    control = controls_of(lines, lattice, given.wales)
+    control[0, 7, 0] += 0.01 * D
+    skewed = on_its_spline(given, control, lattice)
     wrong = found(replace(given, held=(skewed, lattice)), states, test)
-    assert "the held loop is not in equilibrium" in wrong
+    assert "the held cell is not in equilibrium" in wrong
 
 
 @pytest.mark.parametrize("kind", ["pulled", "bent, lagging"])
@@ -262,7 +262,7 @@ def test_contact_points_that_do_not_see_the_core():
     given, states, test = solved("loaded across, shell")
     energy = Energy(given, GAUSS, given.contacts, True)
     last = energy.shape(
-        _controls(given, states.centreline[-1], states.lattice[-1]), states.lattice[-1]
+        controls_of(states.centreline[-1], states.lattice[-1], given.wales), states.lattice[-1]
     )
     pressed = replace(
         given, contact=replace(given.contact, core=closest(energy, last) * (1.0 - 1e-4))

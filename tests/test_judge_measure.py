@@ -14,20 +14,26 @@ from knitsim.verification import judge
 from knitsim.verification.judge.given import (
     Core,
     control_of,
+    controls_of,
     design,
     law_energy,
 )
 from knitsim.verification.judge.measure import Energy, size_of
-from knitsim.verification.judge.shape import closest, crossings, expected_crossings, interlooped
+from knitsim.verification.judge.shape import as_patterned, closest, crossings, expected_crossings
+from knitsim.verification.judge.taut import Lines, lines_of, not_interlooped, straight, taut
 from knitsim.yarn.law import TensionLaw
 
 
 def set_in(given, rough):
-    """The same yarn with set: 0.6 of the curvature of the rough loop."""
+    """The same yarn with set: 0.6 of the curvature of the rough loops."""
     control, lattice = rough
-    matrix, turns = design(12, np.arange(25) / 2)
-    line = matrix @ control + turns[:, None] * [*lattice[:2], 0.0]
-    return dataclasses.replace(given, set_fraction=0.6, held=(line, lattice))
+    wale, course = (np.append(step, 0.0) for step in lattice.reshape(2, 2))
+    n = 12 * given.wales
+    matrix, turns = design(n, np.arange(2 * n + 1) / 2)
+    wide = np.concatenate([control + i * wale for i in range(given.wales)])
+    line = matrix @ wide + turns[:, None] * given.wales * wale
+    held = np.array([line + j * course for j in range(given.courses)]), lattice
+    return dataclasses.replace(given, set_fraction=0.6, held=held)
 
 
 def test_shares_nothing_with_the_solver():
@@ -119,14 +125,13 @@ def brute_terms(given, control, lattice, curvature, bent):
     u = (np.arange(given.points * given.wales * fine) + 0.5) / fine
     law, stretch, bending = TensionLaw(*LAW), 0.0, 0.0
     if given.set_fraction:
-        line, own = given.held
-        one = dataclasses.replace(given, wales=1, courses=1)
-        knots = control_of(line[:-1:2], [*own[:2], 0.0])[None]
-        was, _, rest = turning(one, knots, own, 0.0, bent, u, 0)
-        rest = given.set_fraction * rest
+        lines, own = given.held
+        knots = controls_of(lines, own, given.wales)
     for yarn in range(given.courses):
         along, speed, kappa = turning(given, control, lattice, curvature, bent, u, yarn)
         if given.set_fraction:
+            was, _, rest = turning(given, knots, own, 0.0, bent, u, yarn)
+            rest = given.set_fraction * rest
             # The rest curvature goes along with the least rotation from the tangent there to that here.
             axis = np.cross(was, along)
             turn = np.arctan2(np.linalg.norm(axis, axis=1), (was * along).sum(1))
@@ -279,6 +284,11 @@ def knots_of(sign):
     return knots
 
 
+def interlooped(given, control, lattice):
+    """Whether the yarns are knitted as the pattern says, as they stand."""
+    return not_interlooped(given, [control], [lattice]) is None
+
+
 def test_crossings_of_plain_loops():
     lattice = np.array([1.5e-3, 0.0, 0.0, 1.0e-3])
     for stitch, sign in (("k", 1.0), ("p", -1.0)):
@@ -314,12 +324,52 @@ def test_crossings_of_patterns():
     )
 
 
+def rib_of(fold):
+    """Control points (1, 96, 3) of a 1x1 rib whose purl wale lies behind the knit one by a part ``fold`` of
+    a wale spacing; its lattice."""
+    u, w = np.arange(96) / 96, 1.5e-3
+    knit = np.cos(
+        2 * np.pi * (u - 0.25)
+    )  # 1 in the middle of the knit stitch, -1 in that of the purl
+    side = np.tanh(4.0 * knit)
+    knots = np.stack(
+        [2 * w * u + 0.45e-3 * np.sin(8 * np.pi * u) - 0.5 * fold * w * side, -8e-4 * np.cos(4 * np.pi * u),
+         -1.7e-4 * side * np.cos(8 * np.pi * u) + 4e-4 * fold * side], axis=1,
+    )  # fmt: skip
+    return control_of(knots, [2 * w, 0, 0])[None], np.array([w, 0.0, 0.0, 1.0e-3])
+
+
+def test_a_folded_rib_is_a_rib():
+    given = dataclasses.replace(BARRIER, points=48, wales=2, pattern=("kp",))
+    flat, folded = (lines_of(given, *rib_of(fold)) for fold in (0.0, 0.9))
+    assert as_patterned(given, flat.corners, flat.cell) and straight(given, flat, flat)
+    assert not as_patterned(given, folded.corners, folded.cell)
+    assert taut(given, folded)
+    assert not taut(dataclasses.replace(given, pattern=("kk",)), folded)
+
+
+def test_a_straight_way_on_which_yarns_meet():
+    """Two courses without a loop, one of which rises through the other."""
+    given = dataclasses.replace(BARRIER, points=12, wales=1, courses=2)
+    cell, x = np.array([[1.5e-3, 0.0], [0.0, 2e-3]]), np.arange(24) / 24
+    wave = np.stack([1.5e-3 * x, 0.6e-3 * np.cos(2 * np.pi * x), 0.0 * x], axis=1)
+    other = np.stack([1.5e-3 * x, 0.0 * x, 0.0 * x], axis=1)
+
+    def at(height):
+        return Lines(np.array([wave, other + [0.0, 0.0, height]]), cell)
+
+    assert straight(given, at(1e-3), at(0.1e-3))
+    assert not straight(given, at(1e-3), at(-1e-3))
+    turned = Lines(at(1e-3).corners, cell + [[1e-5, 0.0], [0.0, 1e-5]])
+    assert straight(given, at(1e-3), turned)
+
+
 def test_all_purl_is_all_knit_from_the_back():
     for wales, courses in CELLS:
         knit, purl = (expected_crossings((stitch,), wales, courses) for stitch in "kp")
         assert knit == [tuple((c, not over) for c, over in codes) for codes in purl]
     given = dataclasses.replace(BARRIER, points=48)
     control = control_of(knots_of(1.0), [1.5e-3, 0, 0])[None]
-    read = crossings(given, control, np.array([1.5e-3, 0.0, 0.0, 1.0e-3]))
-    assert len(read[0]) == 8
+    lines = lines_of(given, control, np.array([1.5e-3, 0.0, 0.0, 1.0e-3]))
+    assert len(crossings(given, lines.corners, lines.cell)[0]) == 8
     assert size_of(control).shape == (1, 48)

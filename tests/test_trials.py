@@ -372,7 +372,7 @@ def test_parts_are_all_the_cases(monkeypatch):
 
 def test_the_workflow_has_a_rule_for_every_campaign():
     text = (ROOT / "workflow/rules/campaign.smk").read_text()
-    listed = re.search(r"PARTS_OF = \{(.*)\}", text)[1]
+    listed = re.search(r"PARTS_OF = \{(.*?)\}", text, re.DOTALL)[1]
     assert set(re.findall(r'"(\w+)":', listed)) == set(CAMPAIGNS)
 
 

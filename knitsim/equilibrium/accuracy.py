@@ -18,7 +18,7 @@ import numpy as np
 
 from knitsim.equilibrium.fabric import LEAST_POINTS, Resolution
 from knitsim.equilibrium.model import build_model, resampled, with_set
-from knitsim.equilibrium.relax import MOST_CONTACTS, TOO_CLOSE, refining, settle
+from knitsim.equilibrium.relax import MOST_CONTACTS, TOO_CLOSE, refining, released, settle
 from knitsim.equilibrium.result import BendingCurve
 from knitsim.errors import ComputationError, InputError
 from knitsim.store.tensile import SMALLEST_OF_LARGEST, counted_error, counted_scale
@@ -81,7 +81,7 @@ def _at_resolution(relaxed, resolution):
         # The rest curvature belongs to the held loop, which must be found again.
         held = settle(other, resampled(model, model.held, other), other.free())
         other = with_set(other, held.y)
-    state = settle(other, resampled(model, relaxed.y, other), other.free(0, 3))
+    state = released(settle(other, resampled(model, relaxed.y, other), other.free(0, 3)))
     if not relaxed.history:
         return state
     from knitsim.equilibrium.programme import handled
@@ -176,12 +176,14 @@ def solved(relaxed, run, increment, accuracy=None, estimate_error=False):
 
 def _fine(run, start, increment):
     """The test, and where it started, with as many contact points as its states need."""
+    start = released(start, rubs=True)
     curve = run(start, increment)
     curve = curve.replaced(increment=increment) if start.model.rub else curve
     most = min(MOST_DENSE * start.model.cell.contacts, MOST_CONTACTS)
     while curve.ended == TOO_CLOSE and start.model.cell.contacts * DENSER <= most:
         contacts = 4 * int(np.ceil(start.model.cell.contacts * DENSER / 4.0))
         start = at_resolution(start, replace(start.model.resolution, contacts=contacts))
+        start = released(start, rubs=True)
         curve = run(start, increment)
     return curve, start
 

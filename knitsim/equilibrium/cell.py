@@ -73,6 +73,7 @@ class Cell:
     where: np.ndarray
     map: Map
     whole: Map
+    slides: bool = False
 
     @property
     def copies(self):
@@ -84,28 +85,33 @@ class Cell:
         return len(self.symmetries) > 1
 
     @property
+    def holds(self):
+        """Whether the cell itself keeps its yarns from sliding."""
+        return not self.slides and not any(one.sign[0] < 0 for one in self.symmetries)
+
+    @property
     def spans(self):
         """Spans of the yarn of a course in the cell."""
         return self.wales * self.points
 
 
-def cell_of(pattern, points, contacts, kept="all", wales=1, courses=1):
+def cell_of(pattern, points, contacts, kept="all", wales=1, courses=1, slides=False):
     """The :class:`Cell` of ``wales`` by ``courses`` periods of a pattern.
 
     kept: a name of KEPT, or some of the symmetries of the pattern.  points and contacts: per loop,
-    multiples of 4.  More than one period has no symmetry.
+    multiples of 4.  More than one period has no symmetry.  slides: as in :class:`Cell`.
     """
     kept = "none" if wales * courses > 1 else kept
     if isinstance(kept, str):
         kept = tuple(one for one in pattern.symmetries() if KEPT[kept](one))
     wales, courses = wales * pattern.wales, courses * pattern.courses
-    return replace(_laid_out(pattern, points, wales, courses, kept), contacts=contacts)
+    return replace(_laid_out(pattern, points, wales, courses, kept, slides), contacts=contacts)
 
 
 @functools.lru_cache(maxsize=64)
-def _laid_out(pattern, points, wales, courses, symmetries):
+def _laid_out(pattern, points, wales, courses, symmetries, slides):
     """A cell whose contact points are still to be told."""
-    layout = _Layout(pattern, points, wales, courses, symmetries)
+    layout = _Layout(pattern, points, wales, courses, symmetries, slides)
     pieces = layout.pieces()
     where, rows = layout.rows(pieces)
     count = len(where)
@@ -125,7 +131,7 @@ def _laid_out(pattern, points, wales, courses, symmetries):
     return Cell(
         pattern, points, 0, wales, courses, symmetries, pieces, chain, count,
         np.array(where).reshape(-1, 3), map_of(place for own in chains for place in own),
-        map_of(whole),
+        map_of(whole), slides,
     )  # fmt: skip
 
 
@@ -135,10 +141,10 @@ class _Layout:
     A coordinate is a dict: of unknowns (course, control point, axis) and of lattice entries ("L", i).
     """
 
-    def __init__(self, pattern, points, wales, courses, symmetries):
+    def __init__(self, pattern, points, wales, courses, symmetries, slides):
         self.pattern, self.points = pattern, points
         self.wales, self.courses = wales, courses
-        self.symmetries = symmetries
+        self.symmetries, self.slides = symmetries, slides
 
     def image(self, one, course, k):
         """Course and control point that one is carried to, within the cell, and loops and courses beyond."""
@@ -212,7 +218,7 @@ class _Layout:
         lie at the same height.  (Sliding raises one and lowers the other.  A condition on x would not do:
         sinker arc and head run the same way, so that sliding moves both as a translation does.)  Points
         cut from a yarn feel a little of the sliding; the condition then takes a force, zero where the
-        loop is symmetric.
+        loop is symmetric.  Friction or set say themselves how far a yarn slides; then nothing holds it.
         """
         signs = np.array([one.sign for one in self.symmetries])
         left, right, first = self.points // 4, 3 * self.points // 4, pieces[0].course
@@ -221,7 +227,7 @@ class _Layout:
             held[first, pieces[0].first, 0] = {}
         if (signs[:, 1] > 0).all():
             held[first, left, 1] = {}
-        if not any(one.sign[0] < 0 for one in self.symmetries):
+        if not self.slides and not any(one.sign[0] < 0 for one in self.symmetries):
             for course in dict.fromkeys(piece.course for piece in pieces):
                 own = rows[course, right][1]
                 if (course, right, 1) in own:
@@ -324,16 +330,10 @@ def rod_of(cell, lengths, bending_rigidity):
     place = np.tile(spline.GAUSS_POINTS, len(first) // 3)
     weights = np.tile(spline.GAUSS_WEIGHTS, len(first) // 3)
     return records(
-        ROD,
-        len(first),
-        first=first,
-        d0=spline.basis(place),
-        d1=spline.basis_first(place),
-        d2=spline.basis_second(place),
-        span=span,
-        weight=weights * span * cell.copies,
+        ROD, len(first), first=first, d0=spline.basis(place), d1=spline.basis_first(place),
+        d2=spline.basis_second(place), span=span, weight=weights * span * cell.copies,
         stiffness=bending_rigidity,
-    )
+    )  # fmt: skip
 
 
 def touch_of(cell, lengths, exclude):

@@ -115,19 +115,20 @@ def rounded_law(law):
     return Stretch(float(slope[0]), rounded)
 
 
-def build_model(fabric, resolution=None, kept=None, sparse=None):
+def build_model(fabric, resolution=None, kept=None, sparse=None, slides=False):
     """The :class:`Model` of a fabric (no set).  Raises InputError for a resolution that is too coarse.
 
     kept: which symmetries of the pattern are used (:data:`.cell.KEPT`), where None all or, in a full
     cell, none.  sparse: whether to use the sparse Hessian, where None in cells of SPARSE_FROM loops or
-    more without symmetry.
+    more without symmetry.  slides: as in :class:`.cell.Cell`.
     """
     resolution = Resolution() if resolution is None else resolution
     contacts = resolution.contacts_for(fabric)
     kept = kept or ("all" if resolution.cell == "symmetric" else "none")
     cell = cells.cell_of(
-        fabric.pattern, resolution.points, contacts, kept, resolution.wales, resolution.courses
-    )
+        fabric.pattern, resolution.points, contacts, kept, resolution.wales, resolution.courses,
+        slides,
+    )  # fmt: skip
     lengths = fabric.lengths(cell.courses)
     touch = cells.touch_of(cell, lengths, NEIGHBOURS * fabric.diameter)
     large = cell.wales * cell.courses >= SPARSE_FROM if sparse is None else sparse
@@ -218,7 +219,8 @@ def carried(model, other, y):
     a2 = np.array([lattice[2], lattice[3], 0.0]) * other.cell.courses
     loops = np.concatenate([loops + i * a1 for i in range(wide)], axis=1)
     loops = np.concatenate([loops + j * a2 for j in range(high)], axis=0)
-    if model.cell.symmetries != other.cell.symmetries:
+    alike = model.cell.symmetries == other.cell.symmetries
+    if not alike or model.cell.slides < other.cell.slides:
         loops = _in_gauge(model.cell, loops, wide * a1)
     return cells.pack(model.cell, loops, lattice)
 
@@ -231,7 +233,8 @@ def _in_gauge(cell, loops, step):
     left, right, first = cell.points // 4, 3 * cell.points // 4, cell.pieces[0]
     if (sign[:, 1] > 0).all():
         for course in dict.fromkeys(piece.course for piece in cell.pieces):
-            loops[course] = _slid(loops[course], step, left, right)
+            if not cell.slides:
+                loops[course] = _slid(loops[course], step, left, right)
         loops[..., 1] -= loops[first.course, left, 1]
     if (sign[:, 0] > 0).all():
         loops[..., 0] -= loops[first.course, first.first, 0]

@@ -147,7 +147,7 @@ def handled(relaxed, history, increment=FRICTION_INCREMENT):
         if curve.stop_reason:
             raise ComputationError(f"history, {step.direction}: {curve.stop_reason}")
         relaxed = replace(
-            relaxed, y=curve.y[-1], energy=curve.energy[-1], memory=curve.memory,
+            curve.start, y=curve.y[-1], energy=curve.energy[-1], memory=curve.memory,
             residual=float(curve.residual[-1]), min_distance=float(curve.min_distance[-1]),
             history=(*relaxed.history, step),
         )  # fmt: skip

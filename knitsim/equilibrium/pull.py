@@ -15,7 +15,7 @@ import numpy as np
 
 from knitsim.equilibrium.accuracy import solved
 from knitsim.equilibrium.kernels.records import COURSE_SPACING, SHEAR, WALE_SPACING
-from knitsim.equilibrium.relax import settle, without
+from knitsim.equilibrium.relax import released, settle, without
 from knitsim.equilibrium.result import LOADING, RECOVERY, Curve
 from knitsim.equilibrium.walk import Walk
 from knitsim.errors import ComputationError, InputError
@@ -102,6 +102,7 @@ def biaxial(relaxed, strains, *, increment=FRICTION_INCREMENT):
         raise InputError("strains", strains.shape, "must be finite, of shape (steps, 2)")
     if (strains <= -0.9).any() or (strains > LARGEST_STRAIN).any():
         raise InputError("strains", strains.min(), f"must be between -0.9 and {LARGEST_STRAIN:g}")
+    relaxed = released(relaxed, rubs=True)
     base = np.array([relaxed.wale_spacing, relaxed.course_spacing])
     driven, load = [WALE_SPACING, COURSE_SPACING], np.zeros(4)
     walk = walk_from(relaxed, relaxed.y, (), driven, load, increment, base.min(), strains_in(base))

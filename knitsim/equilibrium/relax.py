@@ -53,9 +53,7 @@ _GROWTH, _LEAST_GROWTH = 1.25, 1.002  # of the diameter in one step; below which
 _CLEAR = 0.9  # of the gap between two cores, a core grows by this part in one step
 _LEAST_APART = 0.25  # diameters: closer, yarns at rest have run into each other
 RELAX_ITERATIONS, RELAX_TRUST = 1000, 6
-GROWTH_ITERATIONS = (
-    200  # on the way to the own diameter: after more a smaller step is the shorter way
-)
+GROWTH_ITERATIONS = 200  # on the way to the own diameter: after more a smaller step is shorter
 DENSER, REFINEMENTS = 1.25, 12  # contact points: more than just enough, tries
 MOST_CONTACTS = 4096  # a loop
 
@@ -193,10 +191,26 @@ def _relax(fabric, resolution, y):
             alone = settle(one, y, one.free(0, 3), used)
     else:
         alone = settle(one, y, one.free(0, 3), used)
-    alone = replace(alone, passed=left)
-    if one is model:
-        return alone
-    return settle(model, carried(model, one, alone.y), model.free(0, 3), alone.iterations)
+    if one is not model:
+        alone = settle(model, carried(model, one, alone.y), model.free(0, 3), alone.iterations)
+    return replace(released(alone), passed=left)
+
+
+def released(relaxed, rubs=False):
+    """The relaxed state in a cell that holds no yarn from sliding along itself, if its set does.
+
+    rubs: if friction does, as in every test with it.  Where neither does, nothing depends on how far yarns
+    have slid, and the cell must say it.
+    """
+    model = relaxed.model
+    if not model.cell.holds or not (model.held is not None or (rubs and model.rub)):
+        return relaxed
+    other = build_model(model.fabric, model.resolution, model.cell.symmetries, model.sparse, True)
+    y = carried(other, model, relaxed.y)
+    if model.held is None:
+        return replace(relaxed, model=other, y=y, others={})
+    other = with_set(other, carried(other, model, model.held))
+    return settle(other, y, other.free(0, 3), relaxed.iterations)
 
 
 def symmetric_of(model):
@@ -217,6 +231,7 @@ def without(relaxed, kept):
     if model.held is not None:
         other = with_set(other, carried(other, model, model.held))
     state = settle(other, carried(other, model, relaxed.y), other.free(0, 3), relaxed.iterations)
+    state = released(state)
     if not relaxed.history:
         return state
     from knitsim.equilibrium.programme import handled

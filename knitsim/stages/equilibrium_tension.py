@@ -63,10 +63,16 @@ def _dataset(curve, cycles, steps):
     return pull_dataset(curve, steps).merge(cycles_dataset(curve, cycles))
 
 
-def headlines(fabric, resolution, direction):
-    """{name: (value, units)} that the ledger follows: of the reference condition, and with friction."""
+def headlines(fabric, resolution, direction, reached=np.inf):
+    """{name: (value, units)} that the ledger follows: of the reference condition, and with friction.
+
+    reached: the strain at which the reference condition ended where it went to a force.  What lies beyond is
+    not followed: a fabric near locking takes long.
+    """
     choices = fabric.scene[STAGE]["variants"]
-    tests = {"": (next(iter(choices.values()))["friction"], HEADLINE_STRAINS)}
+    first = next(iter(choices.values()))
+    ends = reached if first["to_force"] is not None else np.inf
+    tests = {"": (first["friction"], [s for s in HEADLINE_STRAINS if s <= ends])}
     if any(choice["friction"] for choice in choices.values()):
         tests[", with friction"] = (True, HEADLINE_STRAINS[:1])
     found = {}
@@ -94,7 +100,10 @@ def run(fabric, laws, direction):
         timings.repeat(f"{name}, {curve.steps - 1} states from rest", partial(alone, curve.start))
     cycles = max(int(curve.cycle.max(initial=1)) for curve in curves.values())
     solved = {name: (curve, partial(_dataset, curve, cycles)) for name, curve in curves.items()}
-    followed = partial(headlines, resolution=finest(curves.values()), direction=direction)
+    followed = partial(
+        headlines, resolution=finest(curves.values()), direction=direction,
+        reached=next(iter(curves.values())).strain.max(),
+    )  # fmt: skip
     dataset = variants_dataset(fabric, STAGE, solved, followed, timings)
     describe_stage(
         dataset, fabric, STAGE, direction=direction, settings=settings.told(curves), references=("munden",),

@@ -1,9 +1,13 @@
 # Random fabrics through the equilibrium model, each result judged: snakemake campaign (tension),
-# bending_campaign, shear_campaign, stress (random and worst cases of all tests).  Not part of the
-# default target.  Cut into parts, so that a stopped campaign resumes with the parts that it was in.
+# bending_campaign, shear_campaign, friction_campaign (three cycles each), pattern_campaign (knit and
+# purl), stress (random and worst cases of all tests).  Not part of the default target.  Cut into parts, so that a stopped campaign resumes with
+# the parts that it was in.
 # Other cases than those of knitsim.verification.trials.table: --config seed=NUMBER cases=NUMBER.
 
-PARTS_OF = {"campaign": 20, "bending_campaign": 20, "shear_campaign": 20, "stress": 50}
+PARTS_OF = {
+    "campaign": 20, "bending_campaign": 20, "shear_campaign": 20, "friction_campaign": 20,
+    "pattern_campaign": 20, "stress": 50,
+}  # fmt: skip
 for campaign, count in PARTS_OF.items():
     parts = [f"{part:02d}" for part in range(count)]
     tables = {

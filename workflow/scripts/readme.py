@@ -89,6 +89,8 @@ def campaigns(folder):
             ("tension", "campaign_summary.csv"),
             ("bending", "bending_campaign_summary.csv"),
             ("shear", "shear_campaign_summary.csv"),
+            ("friction", "friction_campaign_summary.csv"),
+            ("patterns", "pattern_campaign_summary.csv"),
             ("stress", "stress_summary.csv"),
         )
         if (folder / file).exists()

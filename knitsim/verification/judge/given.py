@@ -52,8 +52,8 @@ class Given:
     Barrier, Core or any other with ``core`` and ``at``; friction: Coulomb's coefficient; points,
     contacts: control and contact points per loop of the solution under judgement; wales, courses:
     loops in its cell.  pattern: the stitches, k or p, rows from the bottom up, repeated over the cell.
-    set_fraction: rest curvature over that of the loop held flat, a single one; held: (its centre line
-    (m + 1, 3), its lattice (4,)).  bending_hysteresis: couple (N m) by which the yarn's moment lags.
+    set_fraction: rest curvature over that of the cell held flat; held: (its centre lines
+    (courses, m + 1, 3), its lattice (4,)).  bending_hysteresis: couple (N m) by which the yarn's moment lags.
     tangential_ratio: stiffness of a contact across its normal over that along it where it first
     touches; stuck_ratio: of the yarn's stiffness before its fibres slide over its bending rigidity.
     """
@@ -91,6 +91,12 @@ def control_of(knots, step):
     right[0] += np.asarray(step) / 6.0
     right[-1] -= np.asarray(step) / 6.0
     return np.linalg.solve(matrix, right)
+
+
+def controls_of(lines, lattice, wales):
+    """Control points (yarns, spans, 3) of centre lines (yarns, m + 1, 3) of a cell, two samples per span."""
+    step = wales * np.append(lattice[:2], 0.0)
+    return np.array([control_of(line[:-1:2], step) for line in lines])
 
 
 def design(points, u, derivative=0):

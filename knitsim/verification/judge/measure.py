@@ -17,13 +17,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from knitsim.verification.judge.contact import SPREAD, cell_mean, cell_press, cell_slopes, cells
-from knitsim.verification.judge.given import control_of, design, law_energy
+from knitsim.verification.judge.given import controls_of, design, law_energy
 
 NEIGHBOURS = 1.6  # diameters of arc below which two places of one yarn do not touch
 ROUNDED_STRAIN = (
     4e-4  # half width over which the solver says that it rounds kinks of the tension law
 )
-REACH = 2  # wales and courses to the furthest images that can touch
 _STEP = 1e-30  # of complex derivatives: exact to round-off, whatever the unit
 
 
@@ -69,16 +68,14 @@ class Energy:
         self.yarn = [design(n, u, order) for order in (0, 1, 2)]
         self.rest = None
         if given.set_fraction > 0.0:
-            line, lattice = given.held
-            own = control_of(line[:-1:2], line[-1] - line[0])
+            lines, lattice = given.held
+            own = controls_of(lines, lattice, given.wales)
             v, a = (
-                (matrix @ own + np.outer(turns, [lattice[0], lattice[1], 0.0]))[
-                    :, [bent, 1 - bent, 2]
-                ].T
-                for matrix, turns in (design(given.points, u, order) for order in (1, 2))
+                np.moveaxis(self.placed(*one, own, lattice), -1, 0)[[bent, 1 - bent, 2]]
+                for one in self.yarn[1:]
             )
             # Tangent and rest curvature, in the frame in which the fabric bends.
-            self.rest = v / size_of(v.T), given.set_fraction * self._turn(v, a)
+            self.rest = v / np.sqrt((v**2).sum(0)), given.set_fraction * self._turn(v, a)
         u = (np.arange(contacts * given.wales) + 0.5) * given.points / contacts
         self.arc = np.tile(u * self.span, given.courses)
         self.of_yarn = np.repeat(np.arange(given.courses), len(u))
@@ -122,10 +119,8 @@ class Energy:
         more apart: pure bending is that of a strip too short to meet itself.
         """
         given, m = self.given, len(points)
-        wide, high = -(-REACH // given.wales), -(-REACH // given.courses)
-        images = np.array(
-            [(p, q) for q in range(high + 1) for p in range(-wide, wide + 1) if q or p >= 0]
-        )
+        # On the inside of a bend, what touches may be twice as far apart in the flat fabric.
+        images = images_around(points, self.cell(lattice), 2.0 * reach)
         moved = np.repeat(points[None], len(images), axis=0)
         moved[..., :2] += (images @ self.cell(lattice))[:, None]
         moved = moved.reshape(-1, 3)
@@ -267,7 +262,7 @@ class Energy:
         turn = self._turn(v, a)
         if self.rest is not None:
             # R k_0 = k_0 - (k_0.t) (t_0 + t)/(1 + t_0.t), as k_0 lies across t_0.
-            tangent, (was, rest) = v / speed, (one[:, None] for one in self.rest)
+            tangent, (was, rest) = v / speed, self.rest
             leant = (rest * tangent).sum(0) / (1.0 + (was * tangent).sum(0))
             turn = turn - rest + leant * (was + tangent)
         stretch = law_energy(speed / self.span - 1.0, self.given, self.rounding)
@@ -359,6 +354,19 @@ class Energy:
                 on_cell[0, axis] += ((couple * weigh(slope)) @ size(turns)).sum()
         slope = self.turn_of(shape, more=1j * _STEP).imag / _STEP
         return on_control, on_cell, by_curvature + (couple * weigh(slope)).sum()
+
+
+def images_around(points, cell, reach):
+    """Cells (n, 2) along the course and the wale whose points come within reach (m), one of two opposites.
+
+    points (n, 3); cell (2, 2): its steps (m).
+    """
+    wide, high = np.ptp(points[:, :2], axis=0) + reach
+    up = int(high / cell[1, 1])
+    across = int((wide + up * abs(cell[1, 0])) / cell[0, 0])
+    return np.array(
+        [(p, q) for q in range(up + 1) for p in range(-across, across + 1) if q or p >= 0]
+    )
 
 
 def _gap(along, other, z_i, z_k, curvature):

@@ -5,7 +5,6 @@ import numpy as np
 from knitsim.verification.judge.given import design
 from knitsim.verification.judge.measure import NEIGHBOURS, size_of
 
-VIEW = 4  # vertices per span of the polyline whose crossings are read
 AROUND = 3  # loops to either side with which crossings are sought
 CANDIDATES = 256  # closest pairs of points around which the closest approach is sought
 _HALVINGS = 16
@@ -32,18 +31,14 @@ def expected_crossings(pattern, wales, courses):
     return found
 
 
-def crossings(given, control, lattice):
+def crossings(given, lines, cell):
     """Crossings of each yarn with the neighbour courses: lists of (course, over), in order along it.
 
-    control (yarns, spans, 3); seen along the thickness axis from the technical face.
+    lines (yarns, n + 1, 3): corners along each yarn of a cell, the last is the first of the next cell;
+    cell (2, 2): its steps.  Seen along the thickness axis from the technical face.
     """
-    yarns, spans, _ = control.shape
-    cell = np.reshape(lattice, (2, 2)) * [[given.wales], [given.courses]]
-    matrix, turns = design(spans, np.arange(VIEW * spans + 1) / VIEW)
-    lines = matrix @ control
-    lines[..., :2] += turns[:, None] * cell[0]
     found = []
-    for own in range(yarns):
+    for own in range(len(lines)):
         pairs = [c for n in (-1, 1) for c in _with_course(given, lines, cell, own, n)]
         found.append([(course, over) for _, course, over in sorted(pairs)])
     return found
@@ -75,12 +70,12 @@ def _within(line, other):
     return np.flatnonzero(meets[:, :2].all(1))
 
 
-def interlooped(given, control, lattice):
-    """Whether each yarn's crossings are, in cyclic order, those of the pattern."""
+def as_patterned(given, lines, cell):
+    """Whether each yarn's crossings are, in cyclic order, those of the pattern; as in :func:`crossings`."""
     expected = expected_crossings(given.pattern, given.wales, given.courses)
     return all(
         any(read[n:] + read[:n] == list(codes) for n in range(len(read)))
-        for read, codes in zip(crossings(given, control, lattice), expected, strict=True)
+        for read, codes in zip(crossings(given, lines, cell), expected, strict=True)
     )
 
 

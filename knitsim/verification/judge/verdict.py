@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from knitsim.verification.judge.given import control_of, design
+from knitsim.verification.judge.given import controls_of, design
 from knitsim.verification.judge.loads import GAUSS, SAME, Finding, Loads, above, noise_of
 from knitsim.verification.judge.measure import Energy
-from knitsim.verification.judge.shape import interlooped
+from knitsim.verification.judge.taut import not_interlooped
 
 DRIVEN = {"course": 0, "wale": 3, "shear": 2, "course bending": 0, "wale bending": 3}
 _NEED_NOT_BE = ("load", "moment", "min_distance", "numerical_error")  # finite
@@ -94,15 +94,14 @@ def judge(given, states, test):
     found = [*_not_finite(states)] or [*_no_splines(given, states), *_not_as_asked(states, test)]
     if not found:
         controls = [
-            _controls(given, *one) for one in zip(states.centreline, states.lattice, strict=True)
+            controls_of(*one, given.wales)
+            for one in zip(states.centreline, states.lattice, strict=True)
         ]
-        found = [
-            Finding("crossings are not those of the pattern", i, 0.0, 0.0)
-            for i in range(len(controls))
-            if not interlooped(given, controls[i], states.lattice[i])
-        ]
+        lost = not_interlooped(given, controls, states.lattice)
+        if lost is not None:
+            found = [Finding("crossings are not those of the pattern", lost, 0.0, 0.0)]
     if not found:
-        found = [*_held_loop(given), *Loads(given, states, test, controls).findings()]
+        found = [*_held_cell(given), *Loads(given, states, test, controls).findings()]
     return list({finding.check: finding for finding in reversed(found)}.values())[::-1]
 
 
@@ -114,12 +113,6 @@ def _not_finite(states):
             yield Finding(f"{name} is not finite", int(bad[0]), np.nan, 0.0)
 
 
-def _controls(given, lines, lattice):
-    """Control points (yarns, spans, 3) of the centre lines (yarns, m + 1, 3) of a state."""
-    step = given.wales * np.append(lattice[:2], 0.0)
-    return np.array([control_of(line[:-1:2], step) for line in lines])
-
-
 def _no_splines(given, states):
     """Findings about centre lines that are no periodic cubic splines."""
     n = given.points * given.wales
@@ -127,7 +120,7 @@ def _no_splines(given, states):
     off = []
     for lines, lattice in zip(states.centreline, states.lattice, strict=True):
         step = given.wales * np.append(lattice[:2], 0.0)
-        spline = middle @ _controls(given, lines, lattice) + turns[:, None] * step
+        spline = middle @ controls_of(lines, lattice, given.wales) + turns[:, None] * step
         ends = lines[:, -1] - lines[:, 0] - step
         off.append(max(np.abs(spline - lines[:, 1::2]).max(), np.abs(ends).max()))
     yield from above("centre line is no periodic cubic spline", off, SAME * given.diameter)
@@ -165,13 +158,12 @@ def _not_as_asked(states, test):
         yield from above("asked state not reached", off, limit)
 
 
-def _held_loop(given):
-    """Findings about the held loop, of whose curvature the yarn has taken a part."""
+def _held_cell(given):
+    """Findings about the held cell, of whose curvature the yarn has taken a part."""
     if given.set_fraction > 0.0:
-        line, lattice = given.held
-        one = replace(given, wales=1, courses=1, set_fraction=0.0)
-        control = _controls(one, line[None], lattice)
-        energy = Energy(one, GAUSS, one.contacts, True)
+        lines, lattice = given.held
+        control = controls_of(lines, lattice, given.wales)
+        energy = Energy(replace(given, set_fraction=0.0), GAUSS, given.contacts, True)
         left = np.abs(energy.gradient(energy.shape(control, lattice))[0]).max()
-        if not (left <= noise_of(given) and interlooped(one, control, lattice)):
-            yield Finding("the held loop is not in equilibrium", 0, left, noise_of(given))
+        if left > noise_of(given) or not_interlooped(given, [control], [lattice]) is not None:
+            yield Finding("the held cell is not in equilibrium", 0, left, noise_of(given))

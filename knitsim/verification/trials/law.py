@@ -57,6 +57,11 @@ SHARES = {
     "held": 0.15, "loaded": 0.15, "recovers": 0.25, "biaxial": 0.25, "fine": 0.0,
 }  # fmt: skip
 CYCLES = (1, 1, 2, 3)  # of the tests that go back
+JERSEY = ("k",)
+# Rows of k and p from the bottom up: garter, 1x1 and 2x2 rib, seed, double seed, and one without a name.
+PATTERNS = (
+    ("k", "p"), ("kp",), ("kkpp",), ("kp", "pk"), ("kp", "kp", "pk", "pk"), ("kkp", "kpk"),
+)  # fmt: skip
 SEVERAL = ((2, 1), (1, 2), (2, 2))  # wales and courses of cells of several loops
 POINTS = 48  # control points per loop, the solver's default
 # Strains of stored states: close together where friction sets in, then this far apart at most.
@@ -95,8 +100,9 @@ class Case:
 
     law_strain, law_tension: two linear pieces up to the breaking strain.  contact: the judge's Barrier
     or Core.  points, contacts: control and contact points per loop, contacts None for the default;
-    cell: symmetric or full; wales, courses: loops in it.  family: name of a kind of worst case.
-    refined: whether the tests are solved again at twice the resolution.
+    cell: symmetric or full; wales, courses: periods of the pattern in it.  pattern: rows of k and p.
+    family: name of a kind of worst case.  refined: whether the tests are solved again at twice the
+    resolution.
     """
 
     number: int
@@ -117,6 +123,7 @@ class Case:
     cell: str = "symmetric"
     wales: int = 1
     courses: int = 1
+    pattern: tuple = JERSEY
     family: str = "any"
     refined: bool = False
     tests: tuple = ()
@@ -140,6 +147,7 @@ class Case:
             "full cell": self.cell == "full" and self.wales * self.courses == 1,
             "several loops": self.wales * self.courses > 1,
             "no friction": self.friction == 0.0,
+            f"pattern {'/'.join(self.pattern)}": self.pattern != JERSEY,
             "there and back": any(t.cycles for t in self.tests),
         }
         return [self.family, *(name for name, true in has.items() if true)]
@@ -152,7 +160,7 @@ class Law:
     ranges, shares: over RANGES and SHARES; families: of worst cases, what each sets, drawn anew in
     these ranges; any: part of the cases of no family, the others share the rest equally.  tests: a
     function of the case, its drawn values and the random generator, which returns the case with its
-    tests.  cell: of all cases, None as drawn.
+    tests.  cell: of all cases, None as drawn.  patterns: taken in turn.
     """
 
     tests: object
@@ -161,6 +169,7 @@ class Law:
     families: dict = field(default_factory=lambda: {"any": {}})
     any: float = 1.0
     cell: str | None = None
+    patterns: tuple = (JERSEY,)
 
     def draw(self, number, seed):
         """Case ``number`` (0 on) of the campaign with this seed."""
@@ -172,6 +181,7 @@ class Law:
         has = {name: bool(random.random() < p) for name, p in (SHARES | self.shares).items()}
         value |= {"has": has, "family": family, "sign": 1.0 if random.random() < 0.5 else -1.0}
         case = _fabric(number, value, random, self.cell)
+        case = replace(case, pattern=self.patterns[number % len(self.patterns)])
         return self.tests(case, value, random)
 
 
@@ -200,7 +210,8 @@ def _fabric(number, value, random, cell):
         (0.0, kink, end), (0.0, at_kink, at_kink + value["second_slope"] * slope * (end - kink)),
         contact, value["friction"] if rubs else 0.0, value["set"] if has["set"] else 0.0,
         lag if has["hysteresis"] else 0.0, value["tangential"], 96 if has["fine"] else POINTS, None,
-        cell or ("full" if has["full"] or several else "symmetric"), wales, courses, value["family"],
+        cell or ("full" if has["full"] or several else "symmetric"), wales, courses,
+        family=value["family"],
     )  # fmt: skip
 
 
@@ -248,6 +259,12 @@ def pulls(case, value, random):
         out = np.concatenate([start[start < way[0]], way])[:, None] * both
         tests.append(Asked("biaxial", "", tuple(map(tuple, out.tolist()))))
     return replace(case, tests=tuple(tests))
+
+
+def wears(case, value, random):
+    """Both directions, there and back three times each."""
+    case = pulls(case, value, random)
+    return replace(case, tests=tuple(replace(test, cycles=3) for test in case.tests))
 
 
 def cycle(largest, steps):

@@ -3,10 +3,11 @@
 import math
 
 from knitsim.verification.judge.given import Barrier
-from knitsim.verification.trials.law import PEIRCE
+from knitsim.verification.trials.law import JERSEY, PEIRCE
 
 AT_REST = 0.8  # distance of yarns that touch in an unloaded fabric, in diameters
-MUNDEN = {"course": 3.8, "wale": 5.0}  # l over the spacing at rest that is pulled
+MUNDEN = {"course": 3.8, "wale": 5.0}  # l over the spacing at rest that is pulled, of a plain knit
+WIDEST_PATTERN = 3.0  # l over the wale spacing at rest: no garter and no seed is wider
 TIGHT_WALE, TIGHT_COURSE = 4.0, 2.0  # diameters: closest spacings
 
 # Limits that the method states: of its resolution (contact points d/4.4 to d/96 apart, d/8 by the
@@ -127,7 +128,8 @@ def impossible_test(case, test):
     if not case.contact.core and close < contact_spacing(case):
         yield "yarn so soft that a crossing is lost between contact points before it breaks"
     pulled = test.path[-1] if test.kind == "biaxial" else (test.path[-1],) * 2
-    width = length / MUNDEN["course"] * (1.0 + (pulled[0] if test.direction != "wale" else 0.0))
+    course = MUNDEN["course"] if case.pattern == JERSEY else WIDEST_PATTERN
+    width = length / course * (1.0 + (pulled[0] if test.direction != "wale" else 0.0))
     height = length / MUNDEN["wale"] * (1.0 + (pulled[1] if test.direction != "course" else 0.0))
     if test.kind == "biaxial" or test.lateral == "held":
         needed = width + 2.0 * height + PEIRCE * close

@@ -119,7 +119,9 @@ def inputs_of(case):
 
 
 def _text(value):
-    return " ".join(f"{v:.9g}" for v in value) if isinstance(value, tuple) else value
+    if not isinstance(value, tuple):
+        return value
+    return " ".join(v if isinstance(v, str) else f"{v:.9g}" for v in value)
 
 
 def _found(case, relaxed, asked, error, clock):

@@ -25,6 +25,7 @@ def fabric_of(case):
         case.wale_spacing, case.course_spacing, case.loop_length, case.diameter,
         case.bending_rigidity, TensionLaw(case.law_strain, case.law_tension, case.law_strain[-1]),
         contact, case.friction, case.set_fraction, case.bending_hysteresis, case.tangential_ratio,
+        pattern=case.pattern,
     )  # fmt: skip
 
 
@@ -38,13 +39,11 @@ def given_of(case, relaxed):
     """What the judge is told of a Case and of how finely it was solved: as the state at rest was."""
     model, cell, held = relaxed.model, relaxed.model.cell, None
     if case.set_fraction > 0.0:
-        # All loops of a cell take the same set.
-        line = lines_of(model, model.held)[0]
-        held = line[: 2 * cell.points + 1], lattice_of(model, model.held)
+        held = lines_of(model, model.held), lattice_of(model, model.held)
     return Given(
         case.loop_length, case.diameter, case.bending_rigidity, case.law_strain, case.law_tension,
         case.contact, case.friction, cell.points, cell.contacts, cell.wales, cell.courses,
-        set_fraction=case.set_fraction, held=held,
+        model.fabric.pattern.rows, set_fraction=case.set_fraction, held=held,
         bending_hysteresis=case.bending_hysteresis, tangential_ratio=case.tangential_ratio,
     )  # fmt: skip
 
@@ -77,7 +76,7 @@ def _states(relaxed, columns, count):
     rest = {
         "centreline": lines_of(relaxed.model, relaxed.y)[None],
         "lattice": lattice_of(relaxed.model, y), "curvature": 0.0, "coordinate": np.zeros((1, 0)),
-        "load": np.zeros((1, 4)), "moment": np.nan, "energy": relaxed.energy[None, :3], "sprung": 0.0,
+        "load": _left_of(relaxed.model), "moment": np.nan, "energy": relaxed.energy[None, :3], "sprung": 0.0,
         "work": 0.0, "dissipated": 0.0, "increments": 1, "min_distance": relaxed.min_distance,
         "numerical_error": np.nan,
     }  # fmt: skip
@@ -86,6 +85,15 @@ def _states(relaxed, columns, count):
         value = np.atleast_1d(value)
         values[name] = columns.get(name, np.broadcast_to(value, (count, *value.shape[1:])))
     return States(**values)
+
+
+def _left_of(model):
+    """Loads (1, 4) told of a fabric at rest: none on its spacings; what keeps it from skewing where it has no
+    mirror is not told.
+    """
+    mirrored = any(one.sign[0] != one.sign[1] for one in model.cell.symmetries)
+    mirrored |= model.fabric.pattern.uniform
+    return np.array([[0.0, 0.0, 0.0, 0.0] if mirrored else [0.0, np.nan, np.nan, 0.0]])
 
 
 def states_of(asked, relaxed, curve):
