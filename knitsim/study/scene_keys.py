@@ -136,7 +136,8 @@ EQUILIBRIUM_REST = Section(
     stage="equilibrium_rest",
     keys=(
         Key("accuracy", "accuracy", "number", "Relative error of spacings, forces and moments (of 1 % "
-            "of the largest where they are less) that is asked for. Points, contact points and "
+            "of the largest where they are less; on ways back, where forces fall steeply, the distance "
+            "of the curve over its size) that is asked for. Points, contact points and "
             "increments of each equilibrium test are chosen by its estimated error; each result says "
             "in its attribute settings what was taken.", allowed="[1e-4, 0.5]", default=0.01),
         Key("points", "points", "integer", "Instead of an accuracy: control points of the spline of "
