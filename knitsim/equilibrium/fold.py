@@ -41,7 +41,8 @@ def lowest_mode(model, y):
     them are held against rigid motions.
     """
     free, work = model.free(0, 3), new_work(model.scene)
-    energy_of(model.scene, y, pairs_at(model.scene, y, 0.0, work), (), np.int64(2), work)
+    pairs = pairs_at(model.scene, y, 0.0, work)
+    energy_of(model.scene, y, pairs, model.at_ease, np.int64(2), work)
     hessian = work.hessian[np.ix_(free, free)]
     whole = model.cell.whole
     place = np.zeros((len(whole.rows), y.size))

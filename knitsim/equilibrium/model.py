@@ -8,7 +8,7 @@ from scipy.optimize import newton
 from knitsim.equilibrium import cell as cells
 from knitsim.equilibrium import spline
 from knitsim.equilibrium.fabric import Fabric, Resolution
-from knitsim.equilibrium.kernels.friction import MEMORY, Memory, Rub
+from knitsim.equilibrium.kernels.friction import MEMORY, RUB, Memory, Rub, Slip
 from knitsim.equilibrium.kernels.lag import LAG_MEMORY, Couple
 from knitsim.equilibrium.kernels.newton import Control
 from knitsim.equilibrium.kernels.records import KINK, LATTICE, Scene, Stretch, Touch, records
@@ -91,6 +91,14 @@ class Model:
             return ()
         lags = np.zeros(0, LAG_MEMORY) if rub.couple else ()
         return Memory(np.zeros(0, MEMORY), np.zeros((0, 0), MEMORY), lags)
+
+    @property
+    def at_ease(self):
+        """Friction that acts nowhere, for the kernels: as that of the tests where there is some, so that
+        what finds the state at rest is compiled once with what pulls it."""
+        if self.rub == () or self.rub.couple:
+            return ()
+        return Slip(records(RUB, 0), np.zeros((0, 0), RUB), (), np.array([1.0, 0.0]))
 
 
 def rounded_law(law):

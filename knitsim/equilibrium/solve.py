@@ -29,7 +29,7 @@ def minimise(model, scene, y, free, control):
         return *sparse_minimise(scene, y, free, pairs, (), control, work)[:3], work.work
     work = new_work(scene)
     pairs = pairs_at(scene, y, control.skin, work)
-    return *newton.minimise(scene, y, free, pairs, (), control, work)[:3], work
+    return *newton.minimise(scene, y, free, pairs, model.at_ease, control, work)[:3], work
 
 
 def gradient_at(model, scene, y):
@@ -40,13 +40,13 @@ def gradient_at(model, scene, y):
     else:
         work = new_work(scene)
         pairs = pairs_at(scene, y, 0.0, work)
-    energy_of(scene, y, pairs, (), np.int64(1), work)
+    energy_of(scene, y, pairs, model.at_ease, np.int64(1), work)
     return work.gradient, float(np.sqrt(work.closest[0]))
 
 
 def force_at(model, scene, y, rub, memory):
     """Derivatives by y (N) of energy and friction, which prescribed unknowns and dead loads hold."""
-    if rub == ():
+    if rub == () or not (memory.pairs.size or len(memory.lags)):
         return gradient_at(model, scene, y)[0] + scene.load
     if model.sparse:
         holder = new_sparse_work(model.cell, scene)
@@ -88,5 +88,5 @@ def is_stable(model, scene, y, free):
         return factor_of(linear_at(model, scene, y, free)) is not None
     work = new_work(scene)
     pairs = pairs_at(scene, y, 0.0, work)
-    energy_of(scene, y, pairs, (), np.int64(2), work)
+    energy_of(scene, y, pairs, model.at_ease, np.int64(2), work)
     return bool(newton.factorise(work.hessian, free, 0.0, work.factor))
