@@ -334,3 +334,10 @@ def test_a_fabric_that_would_shear_by_itself_is_told_unstable(number, held):
     relaxed = without(relaxed_of(CAMPAIGNS["shear_campaign"].draw(number, 4242)), "sheared")
     force = shear(relaxed, [0.002]).force_per_width[0]
     assert (force > 0.0) == held == (relaxed.stable is not False)
+
+
+def test_a_loop_too_short_for_its_yarn_is_told_jammed():
+    """Loops of 14 diameters have room, as knitted fabrics do; those of 9 squeeze their yarn by a third."""
+    for over, jammed in ((14.0, False), (9.0, True)):
+        fabric = Fabric(**COTTON | {"loop_length": over * COTTON["diameter"]})
+        assert relax(fabric).jammed is jammed

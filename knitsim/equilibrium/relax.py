@@ -96,6 +96,12 @@ class Relaxed:
     passed: tuple = ()
     others: dict = field(default_factory=dict, repr=False)  # the same state at other resolutions
 
+    @property
+    def jammed(self):
+        """Whether squeezing and stretching hold more energy than bending: the loop is too short."""
+        stretch, bend, contact = self.energy[:3]
+        return bool(stretch + contact > bend)
+
     def __repr__(self):
         w, c = 1e3 * self.wale_spacing, 1e3 * self.course_spacing
         return f"<{self.model.fabric.pattern} at rest: {w:.4g} x {c:.4g} mm>"

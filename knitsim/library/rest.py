@@ -76,7 +76,8 @@ class Rest(Result):
         w, c = 1e3 * self.wale_spacing, 1e3 * self.course_spacing
         return (
             f"<Rest: {w:.3f} x {c:.3f} mm, {10 / w:.1f} wales and {10 / c:.1f} courses per cm, "
-            f"kc {self.kc:.2f}, kw {self.kw:.2f}, error {100 * self.error:.1g} %>"
+            f"kc {self.kc:.2f}, kw {self.kw:.2f}, error {100 * self.error:.1g} %"
+            f"{', jammed: the loop is too short for so thick a yarn' if self.state.jammed else ''}>"
         )
 
 

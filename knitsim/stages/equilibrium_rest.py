@@ -71,7 +71,12 @@ def rest_dataset(fabric, relaxed, error):
         f"stated_{name}": fabric[name] if fabric.is_stated(name) else np.nan
         for name in ("wale_spacing", "course_spacing")
     }
-    cell = relaxed.model.cell
+    cell, said = relaxed.model.cell, {}
+    if relaxed.jammed:
+        said["jammed"] = (
+            "the loop is too short for so thick a yarn: at rest more energy goes into squeezing and"
+            f" stretching it than into bending, to {100.0 * relaxed.min_distance:.0f} % of its diameter"
+        )
     return xr.Dataset(
         {
             "centreline": (("loop", "point", "axis"), lines),
@@ -95,6 +100,7 @@ def rest_dataset(fabric, relaxed, error):
             **loop_coordinates(lines.shape[1], cell.wales, cell.courses),
             "term": list(ENERGY_TERMS),
         },
+        said,
     )
 
 

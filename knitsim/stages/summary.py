@@ -52,7 +52,7 @@ def write_summary(study, results, kes, path):
             _worst(row, dataset)
         if kind == "tensile":
             _largest(row, dataset)
-        for said in ("stop_reason", "not_stable"):
+        for said in ("stop_reason", "not_stable", "jammed"):
             if dataset.attrs.get(said):
                 where = f"{model} {kind} {dataset.attrs['direction']}".strip()
                 row["stopped"].append(f"{where}: {dataset.attrs[said]}")
