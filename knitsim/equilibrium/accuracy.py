@@ -31,6 +31,7 @@ DENSER = 1.5  # contact points where those there are stand too far apart
 MOST_DENSE = 4.0  # contact points a test may end with, over those it began with
 SHARE = 0.5  # of the error asked for that is left to the increments, with friction
 HALVINGS = 5  # of the increment, at most
+STEPPED = 2.0  # times what changes with half the increment: contacts stick or slide one by one
 LOOSEST, TIGHTEST = 0.5, 1e-6  # accuracies that may be asked for
 NEAR = 0.05  # of strain: how far the ends of two ways to a force may lie apart
 
@@ -213,7 +214,7 @@ def _stepped(start, run, increment, curve, accuracy):
 def _with_errors(curve, coarse, steps):
     """The curve with its errors: by a coarser solution, and by a pair in steps of two lengths."""
     pairs = [] if coarse is None else [(_part(curve.model), curve, coarse)]
-    pairs += [] if steps is None else [(1.0, *steps)]
+    pairs += [] if steps is None else [(STEPPED, *steps)]
     if not pairs:
         return curve
     off = sum(part * _off(a, b, curve) for part, a, b in pairs)
