@@ -233,13 +233,13 @@ def test_a_fabric_far_from_its_stated_density_still_finds_its_own(tmp_path, file
 
 
 def test_a_yarn_thicker_than_any_loop_is_refused_by_its_key(tmp_path):
-    """Below a loop length of four diameters, 0.6678 mm of the 0.16694 mm yarn."""
+    """Below a loop length of four diameters, 0.6678 mm of the 0.16694 mm yarn, which nobody stated."""
     with pytest.raises(InputError) as refused:
         check_study(small_with(tmp_path, "fabrics.yaml", "loop_length_mm", 0.6))
     message = str(refused.value)
-    assert "yarns.yaml: small.diameter_mm = 0.166942: fabric small: yarn too thick" in message
+    assert "fabrics.yaml: small.loop_length_mm = 0.6: yarn too thick" in message
     # What it says would be right is accepted.
-    assert "must be 0.00015 m (0.15 mm) or less" in message
+    assert "must be 0.15 mm thick or less, or the loop length 0.6678 mm or more" in message
     small_with(tmp_path, "yarns.yaml", "diameter_mm", 0.15)
     fabrics = yaml.safe_load((SMALL / "fabrics.yaml").read_text())
     fabrics["small"]["loop_length_mm"] = 0.6

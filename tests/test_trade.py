@@ -105,6 +105,22 @@ def test_exchanged_wales_and_courses_are_asked_about():
 
 
 @pytest.mark.parametrize(
+    ("stated", "meant"),
+    [
+        ({"loop_length_mm": 0.29}, "loop_length_mm: 2.9"),
+        ({"loop_length_mm": 29.0}, "loop_length_mm: 2.9"),
+        ({"loop_length_mm": 0.114}, "loop_length_mm: 2.896"),
+        ({"loop_length_mm": 2.9, "wales_per_cm": 36, "courses_per_cm": 50}, "wales_per_inch: 36"),
+    ],
+)
+def test_a_loop_in_another_unit_than_its_density_is_asked_about(stated, meant):
+    stated = {"wales_per_cm": 14, "courses_per_cm": 20} | stated
+    with pytest.raises(InputError, match=f"is {meant}.* meant"):
+        ks.Fabric(ks.Yarn(count_Ne=30), **stated)
+    assert ks.Fabric(ks.Yarn(count_Ne=30), **stated, density_checked=True)
+
+
+@pytest.mark.parametrize(
     ("density", "fibre"),
     [(0.91, "polypropylene"), (1.14, "nylon"), (1.17, "acrylic"), (1.31, "wool"), (1.38, "polyester"),
      (1.52, "cotton"), (7.9, "steel")],

@@ -20,11 +20,18 @@ COMMANDS = {
 }
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, as every other refusal is."""
+
+    def error(self, message):
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
 def parser():
     """The ArgumentParser of the command."""
     import knitsim
 
-    top = argparse.ArgumentParser(prog="knitsim", description=knitsim.__doc__.splitlines()[0])
+    top = _Parser(prog="knitsim", description=knitsim.__doc__.splitlines()[0])
     top.add_argument("--version", action="version", version=f"knitsim {knitsim.__version__}")
     parts = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (module, about) in COMMANDS.items():
@@ -42,11 +49,12 @@ def main(arguments=None):
 
         return read(arguments[1:])
     given, more = parser().parse_known_args(arguments)
-    if more and given.command != "run":
+    takes_more = given.command in ("run", "fabric")
+    if more and not takes_more:
         parser().error(f"unknown: {' '.join(more)}")
     module = import_module(f"knitsim.command.{COMMANDS[given.command][0]}")
     try:
-        return getattr(module, given.command)(given, *([more] if given.command == "run" else []))
+        return getattr(module, given.command)(given, *([more] if takes_more else []))
     except (InputError, ComputationError) as error:
         print(f"knitsim: {error}", file=sys.stderr)
     except BrokenPipeError:  # what reads the screen has seen enough

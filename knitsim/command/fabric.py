@@ -15,14 +15,16 @@ FABRIC = {
     "mass_per_area_g_per_m2": "", "set": "0, a straight yarn, to 1",
 }  # fmt: skip
 DIRECTIONS = ("course", "wale")
+APART = 0.15  # of the stated density: that at rest is said to be another
 
 
 def fabric_options(parser):
     """Options of ``knitsim fabric``."""
     parser.epilog = (
         "knitsim fabric --count 30/1 --wales-per-cm 14 --courses-per-cm 20 --loop-length-mm 2.9 "
-        "--pull course=0.3 --bend wale.  Every other key of config/README.md: --yarn KEY=VALUE, "
-        "--fabric KEY=VALUE.  What is not stated is assumed, and said so."
+        "--pull course=0.3 --bend wale.  Every other key of config/README.md is an option as well: "
+        "--wales-per-inch 36, --pattern rib_1x1, or --yarn KEY=VALUE, --fabric KEY=VALUE.  What is not "
+        "stated is assumed, and said so."
     )
     parser.add_argument(
         "--count", metavar="30/1 or Ne=30", required=True, help="Ne, Nm, tex, dtex, den"
@@ -38,7 +40,7 @@ def fabric_options(parser):
     parser.add_argument("--bend", action="append", default=[], choices=DIRECTIONS)
     parser.add_argument("--shear", action="store_true")
     parser.add_argument("--no-friction", action="store_true", help="between the yarns")
-    parser.add_argument("--accuracy", type=float, help="relative error asked for, 0.01 by default")
+    parser.add_argument("--accuracy", help="relative error asked for, 0.01 by default")
     parser.add_argument("--csv", metavar="FILE.csv", help="every state of the tests")
     parser.add_argument("--png", metavar="FILE.png", help="the curves of the tests, or the loops")
 
@@ -47,21 +49,24 @@ def _flag(name):
     return "--" + name.replace("_", "-")
 
 
-def fabric(given):
-    """Compute the fabric and print it."""
+def fabric(given, more):
+    """Compute the fabric and print it; more: options that are keys of a yarn or a fabric."""
     import knitsim as ks
 
-    for file in filter(None, (given.csv, given.png)):
-        if not Path(file).absolute().parent.is_dir():
+    for file, ending in ((given.csv, ".csv"), (given.png, ".png")):
+        if file and Path(file).suffix.lower() != ending:
+            raise InputError(f"--{ending[1:]}", repr(file), f"must end in {ending}")
+        if file and not Path(file).absolute().parent.is_dir():
             raise InputError(file, None, f"there is no directory {Path(file).parent}")
-    yarn = ks.Yarn(**_count(given.count), **_keys(given, YARN, given.yarn))
-    made = ks.Fabric(yarn, **_keys(given, FABRIC, given.fabric))
+    of_yarn, of_fabric = _options(more)
+    yarn = ks.Yarn(**_count(given.count), **_keys(given, YARN, [*given.yarn, *of_yarn]))
+    made = ks.Fabric(yarn, **_keys(given, FABRIC, [*given.fabric, *of_fabric]))
     tests = [_pull(ks, one, not given.no_friction) for one in given.pull]
     tests += [ks.Bend(direction, friction=not given.no_friction) for direction in given.bend]
     tests += [ks.Shear(friction=not given.no_friction)] if given.shear else []
     print(yarn, made, sep="\n")
-    rest = ks.relax(made, accuracy=given.accuracy)
-    print(rest, flush=True)
+    rest = ks.relax(made, accuracy=given.accuracy and _value(given.accuracy))
+    print(rest, *_apart(made, rest), sep="\n", flush=True)
     results = []
     for test in tests:
         results.append(test.run(rest))
@@ -76,6 +81,42 @@ def fabric(given):
     if given.png:
         _draw(results or [rest], given.png)
     return 0
+
+
+def _options(more):
+    """(of the yarn, of the fabric): KEY=VALUE of options that are keys, such as --wales-per-inch 36."""
+    from knitsim.study import schema, trade
+
+    yarn, fabric = (
+        {one.name.lower(): one.name for one in (*section.keys, *section.sections)}
+        for section in (schema.YARN, schema.FABRIC)
+    )
+    found, words = ([], []), list(more)
+    while words:
+        option, sign, value = words.pop(0).partition("=")
+        if not option.startswith("--") or not (sign or words):
+            raise InputError(
+                "knitsim fabric", repr(option), "must be --KEY VALUE; see knitsim fabric --help"
+            )
+        name = option[2:].replace("-", "_").lower()
+        # What is called otherwise here is said by the check of the one that has it.
+        meant = {name, *(one.lower() for one in trade.MEANT.get(name, ()))}
+        of_yarn = bool(meant & set(yarn)) and not meant & set(fabric)
+        key = (yarn if of_yarn else fabric).get(name, name)
+        found[0 if of_yarn else 1].append(f"{key}={value if sign else words.pop(0)}")
+    return found
+
+
+def _apart(made, rest):
+    """A line for a spacing at rest that is far from the stated one."""
+    for quantity, what in (("wale_spacing", "wales"), ("course_spacing", "courses")):
+        stated = 1e-2 / made[quantity] if made.is_stated(quantity) else None
+        now = 1e-2 / getattr(rest, quantity)
+        if stated and abs(now / stated - 1.0) > APART:
+            yield (
+                f"note: {now:.3g} {what} per cm at rest, {stated:.3g} stated: this loop length and yarn rest "
+                "elsewhere, or the fabric was not relaxed; tests begin at rest"
+            )
 
 
 def _count(text):

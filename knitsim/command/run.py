@@ -9,6 +9,7 @@ from pathlib import Path
 
 from knitsim.command import show
 from knitsim.command.sources import root
+from knitsim.command.study import FILES
 from knitsim.errors import InputError
 from knitsim.files import full_disk
 
@@ -36,6 +37,9 @@ def run(given, more):
     target = Path(given.directory)
     if not target.is_dir():
         raise InputError(target, None, "no such directory; knitsim new DIR makes one")
+    for name in FILES:
+        if not (target / name).exists():
+            raise InputError(target / name, None, "no such file; knitsim new DIR makes a study")
     cores = given.cores or str(os.cpu_count() or 1)
     command = [
         sys.executable, "-m", "snakemake", "--snakefile", str(root() / "Snakefile"),

@@ -83,8 +83,8 @@ class Fabric:
         if self.loop_length < LEAST_BULK * self.diameter:
             raise InputError(
                 "diameter", self.diameter,
-                f"yarn too thick for its loop: must be {self.loop_length / LEAST_BULK:.4g} m "
-                f"({1e3 * self.loop_length / LEAST_BULK:.4g} mm) or less",
+                f"yarn too thick for its loop: must be {1e3 * self.loop_length / LEAST_BULK:.4g} mm thick or "
+                f"less, or the loop length {1e3 * LEAST_BULK * self.diameter:.4g} mm or more",
             )  # fmt: skip
         if self.set_fraction > 0.0 and None in (self.wale_spacing, self.course_spacing):
             raise InputError(

@@ -70,9 +70,11 @@ class Tested(Result):
 
     def _told(self, reached: str) -> str:
         error = "" if math.isinf(self.error) else f", error {100 * self.error:.1g} %"
+        beyond = self.curve.yarn_strain > self.curve.model.fabric.law.breaking_strain
+        broken = "; the yarn is strained beyond its break" if beyond.any() else ""
         ended = f"; ended early: {self.stop_reason}" if self.stop_reason else ""
         what = f"{self.KIND.title()} {self.direction}".strip()
-        return f"<{what}: {self.curve.steps} states to {reached}{error}{ended}>"
+        return f"<{what}: {self.curve.steps} states to {reached}{error}{broken}{ended}>"
 
 
 def _choice(fabric: Fabric, stage: str) -> dict[str, Any]:

@@ -57,7 +57,8 @@ class Calibration:
             f"{row.parameter} {row.value:.3g} ({row.low:.3g} to {row.high:.3g}) {row.units}"
             for row in self.to_dataframe().itertuples()
         ]
-        return f"<Calibration: {', '.join(told)}; misfit {100 * self.fit.misfit:.2g} %>"
+        told_of = "".join(f"; {one.partition(': ')[0]}" for one in self.fit.warnings)
+        return f"<Calibration: {', '.join(told)}; misfit {100 * self.fit.misfit:.2g} %{told_of}>"
 
 
 class Prediction:
@@ -130,17 +131,18 @@ def _solver(fabric: Fabric) -> Any:
 
 
 def calibrate(
-    fabric: Fabric, curves: Sequence[MeasuredTest], free: Sequence[str] = ("bending_rigidity",), *,
+    fabric: Fabric, curves: MeasuredTest | Sequence[MeasuredTest],
+    free: str | Sequence[str] = ("bending_rigidity",), *,
     bounds: Mapping[str, Sequence[float]] | None = None, residual: str = "strain", misfit: str = "relative",
     profile: bool = True,
 ) -> Calibration:  # fmt: skip
     """Find inputs of the fabric from measured curves, by least squares between bounds.
 
-    curves: what :func:`knitsim.read_measured` read, each with a direction.  free: names of the parameters;
-    each starts from the fabric's value.  bounds: ``{"bending_rigidity_N_mm2": [0.001, 0.01]}``, else the
-    plausible range or half to twice the value.  residual: "strain" at given force or "force"; misfit:
-    "relative", "absolute" or "band".  profile: also follow the misfit along each parameter.  Keys of
-    ``calibrations``.
+    curves: what :func:`knitsim.read_measured` read, one or several, each with a direction.  free: name of
+    the parameter, or names; each starts from the fabric's value.  bounds:
+    ``{"bending_rigidity_N_mm2": [0.001, 0.01]}``, else the plausible range or half to twice the value.
+    residual: "strain" at given force or "force"; misfit: "relative", "absolute" or "band".  profile: also
+    follow the misfit along each parameter.  Keys of ``calibrations``.
 
     Raises InputError, or :class:`knitsim.errors.ComputationError` where no fabric within the bounds reaches
     the measured points.
@@ -151,14 +153,15 @@ def calibrate(
     Traceback (most recent call last):
     knitsim.errors.InputError: calibrate.curves = []: must be one or more measured tests
     """
-    curves = list(curves)
+    curves = [curves] if isinstance(curves, MeasuredTest) else list(curves)
+    free = [free] if isinstance(free, str) else list(free)
     if not curves or not all(isinstance(one, MeasuredTest) for one in curves):
         raise InputError(
             "calibrate.curves", repr(curves)[:60], "must be one or more measured tests"
         )
     stated: dict[str, Any] = {
         "fit": [one.name for one in curves],
-        "free": list(free),
+        "free": free,
         "residual": residual,
     }
     stated |= {"misfit": misfit} | (

@@ -48,9 +48,7 @@ def kes(
     elif isinstance(result, Sheared):
         found = room.shear(result.angle, result.force_per_width)
     else:
-        raise InputError(
-            "kes", repr(result)[:60], "needs a pull, a bend, a shear or a measured test"
-        )
+        raise InputError("kes", repr(result), "needs a pull, a bend, a shear or a measured test")
     return found
 
 

@@ -9,11 +9,14 @@ import xarray as xr
 from knitsim.equilibrium.accuracy import rest_to
 from knitsim.equilibrium.relax import Relaxed
 from knitsim.equilibrium.relax import relax as solve
+from knitsim.errors import InputError
 from knitsim.library.result import Result, settings_text
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import named_by_key, settings_of, solver_fabric
 from knitsim.stages.equilibrium_rest import STAGE, rest_dataset
 from knitsim.stages.laws import calibration_of, laws_of
+from knitsim.study.check import check_value
+from knitsim.study.schema import SCENE
 from knitsim.study.study import Fabric
 
 
@@ -104,5 +107,12 @@ def relax(
     <Rest: 0.750 x 0.543 mm, 13.3 wales and 18.4 courses per cm, kc 5.34, kw 3.87, error 0.0006 %>
     """
     keys = {"accuracy": accuracy, "points": points, "cell": cell}
-    stated = {name: value for name, value in keys.items() if value is not None}
+    if not isinstance(fabric, Fabric):
+        raise InputError("relax", repr(fabric), "needs a Fabric")
+    section = SCENE.section("equilibrium_rest")
+    stated = {
+        name: check_value(section.key(name), value, f"relax.{name}")
+        for name, value in keys.items()
+        if value is not None
+    }
     return Rest(fabric.with_rest(**stated))

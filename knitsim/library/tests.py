@@ -79,9 +79,7 @@ class Test:
             return fabric
         if isinstance(fabric, Fabric):
             return relax(fabric)
-        raise InputError(
-            self.label, repr(fabric)[:60], "needs a Fabric, or what relax makes of one"
-        )
+        raise InputError(self.label, repr(fabric), "needs a Fabric, or what relax makes of one")
 
 
 @dataclass(frozen=True)

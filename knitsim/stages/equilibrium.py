@@ -66,10 +66,12 @@ def named_by_key(fabric, law=None):
         yield
     except InputError as error:
         quantity = error.where.replace(" ", "_")
+        if quantity == "diameter" and not fabric.yarn.is_stated(quantity):
+            quantity = "loop_length"  # what somebody wrote
         given = next((one for one in (fabric, fabric.yarn) if quantity in one.values), None)
         if given is None:
             raise
-        right = f"fabric {fabric.name}: {error.right}"
+        right = error.right if given is fabric else f"fabric {fabric.name}: {error.right}"
         if law is not None and quantity in ROOM:
             right += f"; {remedies(fabric, lambda changed: solver_fabric(changed, law))}"
         raise InputError(*given.stated(quantity), right) from error

@@ -13,6 +13,8 @@ from knitsim.store.table import read_table
 
 def _files(root):
     """(path, labels) of every result file below ``root``, sorted; labels as its attributes say."""
+    if not root.is_dir():
+        raise InputError(str(root), None, "no such directory; knitsim run DIR makes DIR/results")
     for path in sorted(root.glob("*/**/*.nc")):
         with netCDF4.Dataset(path) as file:
             held = set(file.ncattrs()) & set(LABELS)
@@ -96,6 +98,7 @@ def scalar_table(root="results"):
     long_name.  A scalar is a variable without dimensions, or one with the dimension ``variant`` or
     ``quantity`` alone.  The tables that the workflow writes (run times, assumptions, KES, ...) follow
     with kind ``table/...`` where they have the columns ``name`` and ``value``.
+    Raises InputError where there is no such directory.
     """
     root = Path(root)
     rows = []

@@ -86,6 +86,9 @@ def _check_keys(section, raw, where, sweeps):
 
 def _what_is_known(section, name):
     """Says what an unknown key may have been meant to be."""
+    names = {one.name.lower(): one.name for one in (*section.keys, *section.sections)}
+    if (same := names.get(name.lower())) is not None:
+        return f"the nearest is {same}"
     if (meant := MEANT.get(name.lower())) and any(section.key(one) for one in meant):
         return f"here it is called {' or '.join(one for one in meant if section.key(one))}"
     for keys in section.quantities().values():
@@ -95,9 +98,10 @@ def _what_is_known(section, name):
                 return f"the unit must be one that is known here: {known}"
     from difflib import get_close_matches
 
-    names = [key.name for key in section.keys] + [inner.name for inner in section.sections]
-    near = get_close_matches(name, names, 1, 0.5)
-    return f"the nearest is {near[0]}" if near else f"known here: {', '.join(names)}"
+    near = get_close_matches(name.lower(), names, 1, 0.5)
+    return (
+        f"the nearest is {names[near[0]]}" if near else f"known here: {', '.join(names.values())}"
+    )
 
 
 def check_name(name, where):
@@ -248,9 +252,17 @@ def _check_number(key, value, where):
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         hint = ""
         if isinstance(value, str):
+            plain = value.strip().removesuffix("%")
             try:
-                float(value.replace(",", "."))
-                hint = " (with a decimal point)" if "," in value else " (without quotes)"
+                meant = float(plain.replace(",", "."))
+                if plain != value.strip():
+                    hint = (
+                        f", a fraction: {meant / 100.0:g} is {meant:g} %"
+                        if key.unit is None
+                        else ", without %"
+                    )
+                else:
+                    hint = " (with a decimal point)" if "," in value else " (without quotes)"
             except ValueError:
                 pass
         raise InputError(where, shown(value), f"must be {kind}{unit}{hint} ({what})")
@@ -259,5 +271,9 @@ def _check_number(key, value, where):
     if integer and value != int(value):
         raise InputError(where, shown(value), f"must be {kind} ({what})")
     if key.interval is not None and value not in key.interval:
-        raise InputError(where, shown(value), f"must be {key.interval}{unit} ({what})")
+        hundredth = key.unit is None and value >= 5.0 and value / 100.0 in key.interval
+        hint = (
+            f"; {value / 100.0:g} is {value:g} %" if hundredth and key.interval.high <= 5.0 else ""
+        )
+        raise InputError(where, shown(value), f"must be {key.interval}{unit}{hint} ({what})")
     return int(value) if integer else float(value)

@@ -16,6 +16,10 @@ LARGEST_SURFACE_ANGLE = 60.0  # degrees, of the outermost fibre to the yarn axis
 TIGHTEST_BEND = 0.5
 ROUNDED = 0.02  # of a stated diameter
 MOST_WALES = 1.05  # times the courses: beyond, they are taken to be exchanged
+LOOPS = (
+    17.0,
+    27.0,
+)  # wales times courses times the square of the loop length, dry to fully relaxed jersey
 DENSEST_PACKING = math.pi / math.sqrt(12.0)  # hexagonal, of equal circles
 
 
@@ -168,7 +172,7 @@ def check_fabric(fabric):
             raise InputError(
                 *fabric.stated(quantity),
                 f"is a {what} spacing of {fabric[quantity] * 1e3:.4g} mm: must be above "
-                f"the {diameter * 1e3:.4g} mm of its yarn {fabric.yarn.name} (yarn too thick)",
+                f"the {diameter * 1e3:.4g} mm of its yarn (yarn too thick)",
             )
     rest = fabric.scene["equilibrium_rest"]
     if fabric["pattern"] == "jersey":
@@ -193,15 +197,40 @@ def _check_loop_length(fabric):
 
 def _check_density(fabric):
     w, c = fabric["wale_spacing"], fabric["course_spacing"]
-    if fabric["density_checked"] or not (fabric.is_stated("wale_spacing") and c > MOST_WALES * w):
+    if fabric["density_checked"] or not fabric.is_stated("wale_spacing"):
         return
     wales, courses = 1e-2 / w, 1e-2 / c
+    if fabric.is_stated("course_spacing") and "loop_length" not in fabric.derived:
+        _check_loops(fabric, wales, courses)
+    if c <= MOST_WALES * w:
+        return
     raise InputError(
         *fabric.stated("wale_spacing"),
         f"{wales:.4g} wales and {courses:.4g} courses per cm: are they exchanged? A plain fabric has more "
         f"courses than wales; state {courses:.4g} wales and {wales:.4g} courses per cm, or "
         "density_checked: true if this is meant",
     )
+
+
+def _check_loops(fabric, wales, courses):
+    """Raises InputError for loops that fit the density (per cm) of a plain fabric in another unit only."""
+    loop = from_si(fabric["loop_length"], "mm")
+    found = wales * courses * loop**2 / 100.0
+    if LOOPS[0] / 3.0 <= found <= LOOPS[1] * 3.0:
+        return
+    for meant, by in (
+        (f"loop_length_mm: {10.0 * loop:.4g}", 100.0),
+        (f"loop_length_mm: {0.1 * loop:.4g}", 0.01),
+        (f"loop_length_mm: {25.4 * loop:.4g}", 25.4**2),
+        (f"wales_per_inch: {wales:.4g} and courses_per_inch: {courses:.4g}", 2.54**-2),
+    ):
+        if LOOPS[0] / 1.5 <= found * by <= LOOPS[1] * 1.5:
+            raise InputError(
+                *fabric.stated("loop_length"),
+                f"with {wales:.4g} wales and {courses:.4g} courses per cm makes kc kw {found:.3g}, and plain "
+                f"fabrics have {LOOPS[0]:g} to {LOOPS[1]:g}: is {meant} meant? Else state "
+                "density_checked: true",
+            )
 
 
 def _check_curvature(fabric, diameter):

@@ -247,7 +247,7 @@ FABRIC = Section(
             "mean of the pattern.", unit="mm",
             allowed="(0, 200]", default=loop_length_rule, stages=("centre_line",)),
         Key("tightness_factor", "tightness_factor", "number", "Instead of the loop length: sqrt(tex) over "
-            "loop length in cm.", allowed="(0, 1000]", stages=("centre_line",), gives="loop_length"),
+            "loop length in cm.", allowed="[2, 40]", stages=("centre_line",), gives="loop_length"),
         Key("mass_per_area_g_per_m2", "mass_per_area", "number", "Instead of the loop length: mass of the "
             "fabric per area, beside wales and courses.", unit="g_per_m2", allowed="(0, 1e5]",
             stages=("centre_line",), gives="loop_length"),
@@ -272,7 +272,8 @@ FABRIC = Section(
         Key("course_spacing_mm", "course_spacing", "number", "Height of one course.", unit="mm",
             allowed="(0, 100]"),
         Key("density_checked", "density_checked", "flag", "That the fabric really has fewer courses than "
-            "wales, which is asked about.", default=False, stages=("centre_line",)),
+            "wales, or loops far from those of plain fabrics of its density, which is asked about.",
+            default=False, stages=("centre_line",)),
         Key("course_length_ratios", "course_length_ratios", "numbers", "Loop lengths of the courses of the "
             "pattern to each other, from the bottom up, where they differ; yarn slides from stitch to "
             "stitch within a course.", allowed="(0, 100]", stages=("equilibrium",)),
