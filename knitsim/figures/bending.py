@@ -73,10 +73,18 @@ def fig10_bending_curvature(bending_course, bending_wale):
         for step, colour in zip(states_of(bending_course), CURVATURE_COLOURS, strict=True)
     ]
     handles += [
-        Line2D([], [], color="black", marker="o", markersize=3, label="corrected"),
-        Line2D([], [], color="black", linestyle=PRINTED_LINE, marker="x", markersize=4,
-               label="as printed"),
-    ]  # fmt: skip
+        Line2D(
+            [],
+            [],
+            color="black",
+            marker="o",
+            markersize=3,
+            linewidth=3.0,
+            alpha=0.6,
+            label="corrected",
+        ),
+        Line2D([], [], color="black", linestyle="--", label="as printed"),
+    ]
     panels.legend(
         fig, {handle.get_label(): handle for handle in handles}, ncols=6,
         note="Positive curvature: technical face convex.  As printed, K' = 0 is 0/0, not a number:\n"

@@ -41,9 +41,10 @@ def fig18_equilibrium_bending(bent_course, bent_wale, bending_course=None, bendi
         ax.set_xlabel("curvature (1/cm)")
         ax.axvline(0.0, color=style.GREY, linewidth=0.5, zorder=0)
         panels.letter(ax, panels.LETTERS[k], f"{DIRECTIONS[k % 2]}: {rows[k // 2]}")
+    bands, said = solved.error_legend(tests, "moment_per_width")
     handles = panels.labelled(axes.flat) | {
         "back to flat": panels.RECOVERY["recovery"],
-        "estimated numerical error": Patch(color=style.GREY, alpha=0.35, linewidth=0),
+        **bands,
         "KES B: slope from 0.5 to 1.5 per cm": Patch(color="#EEEEEE", linewidth=0),
         "KES 2HB: at 1 per cm": Line2D([], [], color=style.GREY, linestyle=":", linewidth=0.8),
     }
@@ -51,7 +52,7 @@ def fig18_equilibrium_bending(bent_course, bent_wale, bending_course=None, bendi
         fig, handles, ncols=2,
         note="\n".join([
             "Positive curvature: technical face convex.  The moment at zero curvature holds the fabric"
-            " flat; without it, it curls.", *solved.ended(tests),
+            " flat; without it, it curls.", *said, *solved.ended(tests),
         ]),
     )  # fmt: skip
     return fig

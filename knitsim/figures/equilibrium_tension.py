@@ -53,10 +53,12 @@ def fig16_equilibrium_tension(equilibrium_course, equilibrium_wale):
         panels.letter(ax, key, f"energy, {name}")
     _fabrics(fig, fabrics, tests)
     handles = panels.labelled(grid[:, 0]) | panels.RECOVERY | solved.residual_handle()
-    handles["estimated numerical error"] = Patch(color=style.GREY, alpha=0.35, linewidth=0)
-    handles |= {f"energy: {name}": Patch(color=colour) for name, colour in ENERGY_COLOURS.items()}
+    bands, said = solved.error_legend(tests, "force_per_width")
+    handles |= bands | {
+        f"energy: {name}": Patch(color=colour) for name, colour in ENERGY_COLOURS.items()
+    }
     handles["work done, from the energy at rest"] = Line2D([], [], color="black", linestyle=":")
-    panels.legend(fig, handles, ncols=2)
+    panels.legend(fig, handles, ncols=2, note="\n".join(said))
     return fig
 
 

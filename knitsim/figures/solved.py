@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from knitsim.figures import style
 from knitsim.figures.stored import BEYOND_BREAK, readings, with_neighbours
@@ -10,6 +11,7 @@ from knitsim.store.tensile import absolute_error
 from knitsim.units import from_si
 
 THICK, THIN = 1.4, 0.7
+SEEN = 0.01  # of the largest value: a band that is thinner does not show beside its line
 # By friction, and whether the width (or, bent, the spacings) is free to follow.
 _COLOURS = {
     (False, True): COLOURS["equilibrium"],
@@ -29,6 +31,8 @@ def condition(name, choices):
             f"under {from_si(load, 'N_per_mm'):.3g} N/mm" if choices["lateral"] == "loaded" else ""
         )
         words.append(f"width {across or choices['lateral']}")
+        if choices.get("to_force"):
+            words.append(f"to {from_si(choices['to_force'], 'gf_per_cm'):.3g} gf/cm")
     else:
         words.append(f"spacings {choices['spacings']}")
     if choices.get("set") is not None:
@@ -138,6 +142,30 @@ def draw_errors(ax, test, quantity, unit, along_unit, *, change=False):
             ax.fill_between(
                 x[states], low[states], high[states], color=look["color"], alpha=0.35, linewidth=0
             )
+
+
+def error_legend(tests, quantity):
+    """({text: patch}, lines of a note) for the legend of the bands of :func:`draw_errors`.
+
+    tests: {direction: dataset}.  Bands that are too thin to be seen are told in the note instead.
+    """
+    shares = [
+        np.nanmax(absolute_error(values, error), initial=0.0) / np.nanmax(np.abs(values))
+        for test in tests.values()
+        for values, error in zip(
+            *(
+                test[name].transpose("variant", "step").values
+                for name in (quantity, "numerical_error")
+            ),
+            strict=True,
+        )
+    ]
+    if max(shares) > SEEN:
+        return {"estimated numerical error": Patch(color=style.GREY, alpha=0.35, linewidth=0)}, []
+    percent = from_si(max(shares), "percent")
+    return {}, [
+        f"Estimated numerical error: at most {percent:.1g} % of the largest, thinner than the lines."
+    ]
 
 
 def residual_handle():

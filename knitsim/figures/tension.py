@@ -31,7 +31,7 @@ def fig00_load_extension(equilibrium_course, equilibrium_wale):
     fig, axes = style.figure(width_mm=130.0, height_mm=92.0)
     ax = axes[0, 0]
     panels.heading(fig, "load and extension, equilibrium model", about=equilibrium_course)
-    handles, recovered = {}, {}
+    handles, recovered, labels = {}, {}, []
     for number, (direction, test) in enumerate(tests.items()):
         if test is None:
             continue
@@ -50,8 +50,11 @@ def fig00_load_extension(equilibrium_course, equilibrium_wale):
             ax.plot(left, 0.0, "D", color=colour, markerfacecolor="white", clip_on=False, zorder=5)
             said.append(f"{left:.1f} % left")
             recovered = panels.RECOVERY | solved.residual_handle()
-        at = (strain[top], force[top]), (0, 3 + 10 * number)
-        panels.say(ax, ", ".join(said), *at, ha="right", color=colour, va="bottom")
+        labels.append((", ".join(said), strain[top], force[top], 3 + 10 * number, colour))
+    for text, x, y, above, colour in labels:
+        # Towards the middle, so that no label runs over an axis.
+        side = "right" if x > 0.5 * max(label[1] for label in labels) else "left"
+        panels.say(ax, text, (x, y), (0, above), ha=side, color=colour, va="bottom")
     ax.set_xlim(left=0.0)
     ax.set_ylim(0.0, 1.12 * ax.get_ylim()[1])
     ax.set_xlabel("extension (%)")
