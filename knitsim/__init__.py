@@ -20,8 +20,9 @@ What is made
     open_store, scalar_table   what the workflow has written
 
 What comes out
-    Every result has to_dataset() (xarray, the store's names and attributes), to_dataframe() (pandas),
-    to_netcdf(path) and plot() (matplotlib axes).  Printed, it is one line.
+    Rest and every test have to_dataset() (xarray, the store's names and attributes), to_dataframe() (pandas),
+    to_netcdf(path) and plot() (matplotlib axes); a prediction the second and the last, a calibration and a
+    measured curve to_dataframe().  Printed, each is one line.
 
 Units
     Keywords carry theirs (loop_length_mm); everything else is SI.  Strain is engineering strain from rest, a

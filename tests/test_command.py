@@ -107,6 +107,8 @@ def test_the_table_shows_what_is_known_and_why_the_rest_is_not():
     assert "2HB" not in lines[0] and "strain at 50" in lines[0]
     assert "a: stopped: equilibrium bending wale: no equilibrium at 1 per cm" in lines
     assert "long_name, wale: 12.3 gf/cm at 30 %" in lines
+    measured = row(fabric="b", measured="core: wale fitted, 7.1 % rms")
+    assert "b: measured: core: wale fitted, 7.1 % rms" in show.lines_of([measured], Path("nowhere"))
     assert not any(line.startswith("page") for line in lines)
 
 
@@ -161,7 +163,7 @@ def test_one_fabric_on_the_screen_in_a_table_and_in_a_picture(tmp_path):
         (("--count", "30/1", "--loop-length-mm", "2.9", "--wpi", "36"), ["called wales_per_inch"]),
         (("--count", "30/1", "--loop-length-mm", "2.9", "--twist", "700"), ["yarn.twist:", "twist_per_m"]),
         (("--count", "30/1", "--loop-length-mm", "2.9", "--friction", "25%"), ["0.25 is 25 %"]),
-        (("--count", "30/1", "--loop-length-mm", "2.9", "--set", "90"), ["at most 1; 0.9 is 90 %"]),
+        (("--count", "30/1", "--loop-length-mm", "2.9", "--set", "90"), ["at most 1 (", "; 0.9 is 90 %"]),
         (("--count", "30/1", "--loop-length-mm", "2.9", "--fabric", "Pattern=kp"), ["nearest is pattern"]),
         (("--count", "30/1", "--tightness-factor", "1.5"), ["tightness_factor = 1.5", "at least 2"]),
         (("--count", "30/1", "--loop-length-mm"), ["expected one argument"]),

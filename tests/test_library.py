@@ -137,7 +137,10 @@ BAD = (
     (lambda f: ks.shear(f, to_deg=60), "shear.to_deg = 60: must be above 0 and at most 45"),
     (lambda f: ks.biaxial(f, -2, 0.1), "biaxial.course = -2: must be a strain"),
     (lambda f: ks.pull(None, "course"), "pull = None: needs a Fabric"),
-    (lambda f: ks.relax(f, points=7), "equilibrium_rest.points = 7: must be at least 24"),
+    (lambda f: ks.relax(f, points=7), "relax.points = 7: must be at least 24"),
+    (lambda f: ks.relax(f, accuracy="1%"), "relax.accuracy = '1%': must be a number; 0.01 is 1 %"),
+    (lambda f: ks.relax(f.yarn), "relax = <Yarn"),
+    (lambda f: ks.scalar_table("no/such"), "no/such: no such directory"),
     (lambda f: ks.relax(f, points=48, accuracy=0.1), "chooses what points states"),
     (lambda f: ks.kes(f), "needs a pull, a bend, a shear or a measured test"),
     (lambda f: ks.predict(f, "course"), "needs to_N_per_mm (tension) or to_per_cm (bending)"),
@@ -215,6 +218,13 @@ def test_rest_is_that_of_the_stage(fabric, rest):
 def test_a_density_that_nobody_stated_is_no_number():
     rest = ks.relax(ks.Fabric(ks.Yarn(count_tex=20), loop_length_mm=2.9), points=48)
     assert np.isnan(rest.to_dataset()["stated_wale_spacing"])
+
+
+def test_what_nobody_stated_is_printed_in_ten_lines():
+    assumed = ks.Fabric(ks.Yarn(count_tex=20), loop_length_mm=2.9).assumptions()
+    lines = repr(assumed).splitlines()
+    assert lines[0].startswith("fabric.set = 0 (0 to 0.9): ") and len(lines) == 10
+    assert f"{len(assumed) - 9} more" in lines[-1] and len(assumed.to_dataframe()) == len(assumed)
 
 
 def test_pulling_is_the_solver_and_friction_is_on(rest, results):
@@ -329,7 +339,11 @@ def test_calibration_finds_what_made_the_curve(tmp_path):
     path.write_text("\n".join(["strain,force_N_per_mm", *rows]))
     curve = ks.read_measured(path, direction="course")
     found = ks.calibrate(
-        fabric, [curve], bounds={"bending_rigidity_N_mm2": [1e-3, 5e-3]}, profile=False
+        fabric,
+        curve,
+        "bending_rigidity",
+        bounds={"bending_rigidity_N_mm2": [1e-3, 5e-3]},
+        profile=False,
     )
     assert found.to_dataframe()["value"][0] == pytest.approx(2.7e-3, rel=2e-3)
     predicted = ks.predict(found, "wale", to_N_per_mm=0.02, states=4)

@@ -113,9 +113,10 @@ def _apart(made, rest):
         stated = 1e-2 / made[quantity] if made.is_stated(quantity) else None
         now = 1e-2 / getattr(rest, quantity)
         if stated and abs(now / stated - 1.0) > APART:
+            inch = ", per inch?" if abs(stated / now - 2.54) < 0.6 else ""
             yield (
-                f"note: {now:.3g} {what} per cm at rest, {stated:.3g} stated: this loop length and yarn rest "
-                "elsewhere, or the fabric was not relaxed; tests begin at rest"
+                f"note: {now:.3g} {what} per cm at rest, {stated:.3g} stated{inch}; tests begin at rest: "
+                "was the fabric relaxed, is the loop length right?"
             )
 
 

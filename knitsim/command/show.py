@@ -72,7 +72,9 @@ def lines_of(rows, results, width=110):
             if force and not row[f"strain_at_50_gf_per_cm_percent_{direction}"]:
                 at = row[f"force_at_percent_{direction}"]
                 lines.append(f"{row['fabric']}, {direction}: {force} gf/cm at {at} %")
-        for name, why in (("stopped", row["stopped"]), ("not read", row["left_out"])):
+        for name, why in (
+            ("stopped", row["stopped"]), ("not read", row["left_out"]), ("measured", row.get("measured", "")),
+        ):  # fmt: skip
             for one in filter(None, why.split("; ")):
                 lines += wrap(f"{row['fabric']}: {name}: {one}", width, subsequent_indent="    ")
     files = {"page": "index.html", "tables": "tables/", "figures": "figures/"}

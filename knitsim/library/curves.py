@@ -93,8 +93,9 @@ class Pulled(Tested):
 
     def __init__(self, rest: Rest, fabric: Fabric, direction: str) -> None:
         choice = _choice(fabric, self.STAGE)
+        start = rest.start(friction=choice["friction"])
         curve = pulled(
-            rest.start(friction=choice["friction"]), direction, tension.strains_of(choice, direction),
+            start, direction, tension.strains_of(choice, direction, start),
             **tension.conditions_of(choice), **settings_of(fabric).errors,
         )  # fmt: skip
         super().__init__(rest, fabric, direction)

@@ -6,14 +6,12 @@ functions (:func:`pull`, :func:`bend`, ...) describe it and run it at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
-from knitsim.equilibrium.pull import tensile
 from knitsim.errors import InputError
 from knitsim.library.curves import Bent, BiaxiallyPulled, Pulled, Sheared, Tested
 from knitsim.library.rest import Rest, relax
-from knitsim.stages.equilibrium_tension import conditions_of, strains_of
 from knitsim.study.check import check_value
 from knitsim.study.schema import SCENE
 from knitsim.study.study import Fabric
@@ -114,17 +112,7 @@ class Pull(Test):
     def run(self, fabric: Fabric | Rest) -> Pulled:
         """The test of a fabric, or of one at rest."""
         rest = self.at_rest(fabric)
-        asked = self if self.to_strain is not None else replace(self, to_strain=self._reached(rest))
-        return Pulled(rest, rest.fabric.with_tests(**asked.scene()), self.direction)
-
-    def _reached(self, rest: Rest) -> float:
-        """Strain a little beyond that at which the force is reached, so that the states resolve the way."""
-        scene = rest.fabric.with_tests(**self.scene()).scene
-        (choice,) = scene[self.SECTION]["variants"].values()
-        conditions = conditions_of(choice) | {"recovery": False, "cycles": 1}
-        start = rest.start(friction=self.friction)
-        curve = tensile(start, self.direction, strains_of(choice, self.direction), **conditions)
-        return float(f"{1.02 * curve.strain.max():.3g}")
+        return Pulled(rest, rest.fabric.with_tests(**self.scene()), self.direction)
 
     def __repr__(self) -> str:
         return _shown(self)

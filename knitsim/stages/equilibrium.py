@@ -67,12 +67,14 @@ def named_by_key(fabric, law=None):
     except InputError as error:
         quantity = error.where.replace(" ", "_")
         if quantity == "diameter" and not fabric.yarn.is_stated(quantity):
-            quantity = "loop_length"  # what somebody wrote
+            # What somebody wrote.
+            stated = ("tightness_factor", "mass_per_area")
+            quantity = next((one for one in stated if fabric.is_stated(one)), "loop_length")
         given = next((one for one in (fabric, fabric.yarn) if quantity in one.values), None)
         if given is None:
             raise
         right = error.right if given is fabric else f"fabric {fabric.name}: {error.right}"
-        if law is not None and quantity in ROOM:
+        if law is not None and error.where in ROOM:
             right += f"; {remedies(fabric, lambda changed: solver_fabric(changed, law))}"
         raise InputError(*given.stated(quantity), right) from error
 

@@ -20,13 +20,25 @@ from knitsim.stages.memory import cycles_dataset, turns_of
 from knitsim.store.timing import Timings
 
 STAGE = "equilibrium_tension"
+BEYOND = 1.02  # times the strain that is reached
 # Strains at which the ledger follows the force.
 HEADLINE_STRAINS = (0.2, 0.6)
 
 
-def strains_of(choice, direction):
-    top = choice[f"max_strain_{direction}"]
-    return top * np.arange(1, choice["states"] + 1) / choice["states"]
+def strains_of(choice, direction, relaxed):
+    """Strains up to the largest, or a little beyond that at which the force which ends the test is reached,
+    so that the states resolve the way to it.
+    """
+    top, parts = (
+        choice[f"max_strain_{direction}"],
+        np.arange(1, choice["states"] + 1) / choice["states"],
+    )
+    if choice["to_force"] is not None:
+        once = conditions_of(choice) | {"recovery": False, "cycles": 1}
+        first = tensile(relaxed, direction, top * parts, **once)
+        if not first.stop_reason:
+            top = min(top, float(f"{BEYOND * first.strain.max():.3g}"))
+    return top * parts
 
 
 def conditions_of(choice):
@@ -39,8 +51,8 @@ def _lateral(choice):
     return choice["lateral_load"] if choice["lateral"] == "loaded" else choice["lateral"]
 
 
-def tests_of(choice, direction):
-    """(whole test from rest on, the test alone), functions of the fabric at rest."""
+def tests_of(choice, direction, relaxed):
+    """(whole test from rest on, the test alone), functions of the fabric at rest; relaxed: one such."""
     lateral = _lateral(choice)
     if choice["programme"] is not None:
         alone = partial(
@@ -54,7 +66,7 @@ def tests_of(choice, direction):
 
         return whole, alone
     test = {
-        "direction": direction, "strains": strains_of(choice, direction), **conditions_of(choice),
+        "direction": direction, "strains": strains_of(choice, direction, relaxed), **conditions_of(choice),
     }  # fmt: skip
     return partial(pulled, **test), partial(tensile, **test)
 
@@ -90,11 +102,11 @@ def run(fabric, laws, direction):
     timings, settings = Timings(STAGE, fabric.name, direction), settings_of(fabric)
     curves = {}
     for name, choice in fabric.scene[STAGE]["variants"].items():
-        whole, alone = tests_of(choice, direction)
         with timings.measure(f"{name}, with its error estimate"):
             relaxed = at_rest(
                 fabric, laws["continuous"], settings.resolution, friction=choice["friction"]
             )
+            whole, alone = tests_of(choice, direction, relaxed)
             curve = whole(relaxed, **settings.errors)
         curves[name] = curve
         timings.repeat(f"{name}, {curve.steps - 1} states from rest", partial(alone, curve.start))

@@ -166,7 +166,11 @@ def _notes(rows, fabric):
     row = next((r for r in rows if r["fabric"] == fabric), None)
     if row is None:
         return []
-    kinds = (("stopped", "Stopped"), ("left_out", "Not read"))
+    kinds = (
+        ("stopped", "Stopped"),
+        ("left_out", "Not read"),
+        ("measured", "Beside what was measured"),
+    )
     return [f"{name}: {row[key]}" for key, name in kinds if row[key]]
 
 

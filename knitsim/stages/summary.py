@@ -28,7 +28,7 @@ COLUMNS = (
     *(f"{state}{name}_mm" for name in SPACINGS for state in ("stated_", "rest_")),
     *(f"{name}_{direction}" for _, _, name in READ for direction in DIRECTIONS),
     *(f"force_at_{what}_{d}" for d in DIRECTIONS for what in ("largest_strain_gf_per_cm", "percent")),
-    "largest_numerical_error_percent", "condition", "left_out", "stopped",
+    "largest_numerical_error_percent", "condition", "measured", "left_out", "stopped",
 )  # fmt: skip
 _FIRST = ("kes", "friction")  # names of the default conditions with friction
 
@@ -41,6 +41,8 @@ def write_summary(study, results, kes, path):
         if row is None:
             continue
         kind, model = dataset.attrs["kind"], dataset.attrs["model"]
+        if kind == "measured":
+            row["measured"].append(_agreement(dataset))
         if kind == "relaxed":
             for name in SPACINGS:
                 row[f"rest_{name}_mm"] = f"{1e3 * float(dataset[name]):.4g}"
@@ -65,18 +67,31 @@ def write_summary(study, results, kes, path):
                 what = about["title"].partition(" of ")[0]
                 row["stopped"].append(f"{what} {about['direction']}".strip() + f": {why}")
     for row in rows.values():
-        for name in ("left_out", "stopped", "condition"):
+        if not (row["model"] or row["condition"] or row["left_out"] or row["stopped"]):
+            row["left_out"].append("its scene has no tension or bending test")
+        for name in ("left_out", "stopped", "condition", "measured"):
             row[name] = "; ".join(dict.fromkeys(row[name]))
     write_csv(path, COLUMNS, list(rows.values()))
 
 
 def _stated(fabric):
     row = dict.fromkeys(COLUMNS, "") | {"fabric": fabric.name, "yarn": fabric.yarn.name}
-    row |= {"left_out": [], "stopped": [], "condition": [], "model": {}}
+    row |= {"left_out": [], "stopped": [], "condition": [], "measured": [], "model": {}}
     for name in SPACINGS:
         if fabric.values.get(name) is not None:
             row[f"stated_{name}_mm"] = f"{1e3 * fabric[name]:.5g}"
     return row
+
+
+def _agreement(dataset):
+    """How far the model is from each measured curve, with the inputs of one calibration."""
+    told = [
+        f"{curve} {role}, {100.0 * rms:.3g} % rms" if np.isfinite(rms) else f"{curve} not reached"
+        for curve, role, rms in zip(
+            dataset.curve.values, dataset.curve_role.values, dataset.misfit_rms.values, strict=True
+        )
+    ]
+    return f"{dataset.attrs['calibration']}: {', '.join(told)}"
 
 
 def _worst(row, dataset):

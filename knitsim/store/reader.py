@@ -13,8 +13,6 @@ from knitsim.store.table import read_table
 
 def _files(root):
     """(path, labels) of every result file below ``root``, sorted; labels as its attributes say."""
-    if not root.is_dir():
-        raise InputError(str(root), None, "no such directory; knitsim run DIR makes DIR/results")
     for path in sorted(root.glob("*/**/*.nc")):
         with netCDF4.Dataset(path) as file:
             held = set(file.ncattrs()) & set(LABELS)
@@ -101,6 +99,8 @@ def scalar_table(root="results"):
     Raises InputError where there is no such directory.
     """
     root = Path(root)
+    if not root.is_dir():
+        raise InputError(str(root), None, "no such directory; knitsim run DIR makes DIR/results")
     rows = []
     for path, labels in _files(root):
         with xr.open_dataset(path, engine="netcdf4") as dataset:

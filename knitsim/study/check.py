@@ -256,11 +256,7 @@ def _check_number(key, value, where):
             try:
                 meant = float(plain.replace(",", "."))
                 if plain != value.strip():
-                    hint = (
-                        f", a fraction: {meant / 100.0:g} is {meant:g} %"
-                        if key.unit is None
-                        else ", without %"
-                    )
+                    hint = ", without %" if key.unit else f"; {meant / 100.0:g} is {meant:g} %"
                 else:
                     hint = " (with a decimal point)" if "," in value else " (without quotes)"
             except ValueError:
@@ -275,5 +271,5 @@ def _check_number(key, value, where):
         hint = (
             f"; {value / 100.0:g} is {value:g} %" if hundredth and key.interval.high <= 5.0 else ""
         )
-        raise InputError(where, shown(value), f"must be {key.interval}{unit}{hint} ({what})")
+        raise InputError(where, shown(value), f"must be {key.interval}{unit} ({what}){hint}")
     return int(value) if integer else float(value)

@@ -222,7 +222,6 @@ def _check_loops(fabric, wales, courses):
         (f"loop_length_mm: {10.0 * loop:.4g}", 100.0),
         (f"loop_length_mm: {0.1 * loop:.4g}", 0.01),
         (f"loop_length_mm: {25.4 * loop:.4g}", 25.4**2),
-        (f"wales_per_inch: {wales:.4g} and courses_per_inch: {courses:.4g}", 2.54**-2),
     ):
         if LOOPS[0] / 1.5 <= found * by <= LOOPS[1] * 1.5:
             raise InputError(

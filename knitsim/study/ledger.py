@@ -35,6 +35,32 @@ class Assumption:
         return row | {"choices": list(self.choices)}
 
 
+class Ledger(list):
+    """A list of :class:`Assumption` that is printed a row a line, ten lines at most."""
+
+    LINES = 9
+
+    def __repr__(self):
+        lines = []
+        for row in self[: self.LINES]:
+            value, low, high = (
+                f"{one:.4g}" if isinstance(one, float) else str(one)
+                for one in (row.value, row.low, row.high)
+            )
+            unit = "" if row.unit == "1" else f" {row.unit}"
+            between = "" if row.low is None else f" ({low} to {high})"
+            lines.append(f"{row.subject}.{row.key} = {value}{unit}{between}: {row.because}")
+        if len(self) > self.LINES:
+            lines.append(f"... {len(self) - self.LINES} more; to_dataframe() has all")
+        return "\n".join(lines)
+
+    def to_dataframe(self):
+        """One row an assumption (pandas)."""
+        import pandas as pd
+
+        return pd.DataFrame([row.as_dict() for row in self])
+
+
 def model_assumptions():
     """The rows of what the model takes for granted."""
     return [

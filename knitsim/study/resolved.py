@@ -8,6 +8,7 @@ from knitsim import units
 from knitsim.errors import InputError
 from knitsim.study.check import check_points, check_section
 from knitsim.study.cross_checks import check_scene
+from knitsim.study.ledger import Ledger
 from knitsim.study.resolve import Resolver, replaced
 from knitsim.study.schema import SCENE
 
@@ -82,8 +83,8 @@ class Resolved:
         return key in self._tree
 
     def assumptions(self):
-        """The ledger rows (Assumption) of this object and of what it refers to."""
-        return list(self._rows)
+        """The ledger (rows Assumption) of this object and of what it refers to; printed, a row a line."""
+        return Ledger(self._rows)
 
     def with_value(self, path, value):
         """:meth:`with_values` of one value."""

@@ -17,7 +17,7 @@ from knitsim.errors import InputError
 from knitsim.study.by_hand import stated_tree, with_signature
 from knitsim.study.check import check_name, check_section, shown
 from knitsim.study.cross_checks import check_fabric, check_yarn
-from knitsim.study.ledger import model_assumptions
+from knitsim.study.ledger import Ledger, model_assumptions
 from knitsim.study.measured_checks import calibrate_on, check_measured
 from knitsim.study.resolve import expand
 from knitsim.study.resolved import Resolved, SceneInput
@@ -87,7 +87,7 @@ class Yarn(Resolved):
         return _files(self, "compression_curve")
 
     def assumptions(self):
-        return super().assumptions() + _below("scene", self.scene)
+        return Ledger(super().assumptions() + _below("scene", self.scene))
 
     def as_dict(self):
         """Name, SI values and scene as plain JSON types."""
@@ -192,7 +192,7 @@ class Fabric(Resolved):
         return _files(self, f"measured.{name}")
 
     def assumptions(self):
-        return (
+        return Ledger(
             super().assumptions()
             + [_moved("yarn", row) for row in self.yarn._rows]
             + _below("scene", self.scene)

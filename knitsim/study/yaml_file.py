@@ -44,6 +44,11 @@ def read_yaml(path):
     return content
 
 
+def _has_tab(text, number):
+    lines = text.splitlines()
+    return number < len(lines) and "\t" in lines[number]
+
+
 def parsed(text, path):
     """The content of YAML ``text``; path: what messages name.  Raises InputError."""
     try:
@@ -51,7 +56,8 @@ def parsed(text, path):
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""
-        raise InputError(f"{path}{line}", None, f"is not YAML: {error.problem}") from None
+        tab = "; it has a tab, where blanks must be" if mark and _has_tab(text, mark.line) else ""
+        raise InputError(f"{path}{line}", None, f"is not YAML: {error.problem}{tab}") from None
     except RecursionError:
         raise InputError(path, None, "is nested too deeply") from None
     except yaml.YAMLError as error:
