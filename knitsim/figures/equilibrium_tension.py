@@ -43,9 +43,10 @@ def fig16_equilibrium_tension(equilibrium_course, equilibrium_wale):
         _curves(row, test, direction, letters)
     shown = [(d, test, name) for d, test in tests.items() for name in _told_apart(test)]
     row = energies.subgridspec(1, len(shown)).subplots(squeeze=False)[0]
+    seen = set()
     for ax, (direction, test, name), key in zip(row, shown, "ijkl", strict=False):
         curve = test.sel(variant=name)
-        _energies(ax, curve)
+        seen |= _energies(ax, curve)
         if solved.is_recovered(curve):
             _say_left_over(ax, curve)
         ax.set_xlabel(f"{direction} strain (%)")
@@ -55,7 +56,9 @@ def fig16_equilibrium_tension(equilibrium_course, equilibrium_wale):
     handles = panels.labelled(grid[:, 0]) | panels.RECOVERY | solved.residual_handle()
     bands, said = solved.error_legend(tests, "force_per_width")
     handles |= bands | {
-        f"energy: {name}": Patch(color=colour) for name, colour in ENERGY_COLOURS.items()
+        f"energy: {name}": Patch(color=colour)
+        for name, colour in ENERGY_COLOURS.items()
+        if name in seen
     }
     handles["work done, from the energy at rest"] = Line2D([], [], color="black", linestyle=":")
     panels.legend(fig, handles, ncols=2, note="\n".join(said))
@@ -156,7 +159,10 @@ def _told_apart(test):
 
 
 def _energies(ax, curve):
-    """Energies of a loop stacked over the first loading and recovery; the work as a line."""
+    """Energies of a loop stacked over the first loading and recovery; the work as a line.
+
+    The names of those that are large enough to be seen.
+    """
     found = solved.runs(curve)[:2]
     states = np.concatenate([found[0][1], *(part[1:] for _, part in found[1:])])
     strain = from_si(curve.strain.values[states], "percent")
@@ -184,6 +190,7 @@ def _energies(ax, curve):
         back = 2.0 * turn - ticks[::-1]
         back = back[(back > turn) & (back <= path[-1])]
         ax.set_xticks([*ticks, *back], [f"{x:g}" for x in (*ticks, *(2.0 * turn - back))])
+    return {name for name, part in parts.items() if part.max() > solved.SEEN * total.max()}
 
 
 def curvature(points):
