@@ -152,7 +152,7 @@ def _kes(rows, fabric):
                     "left_out": "; ".join(
                         dict.fromkeys(filter(None, (r["left_out"] for r in cells.values())))
                     ),
-                    **{d: _number(r["kes_value"]) if r else "" for d, r in given.items()},
+                    **{d: _with_error(r) if r else "" for d, r in given.items()},
                 }
             )
     return found
@@ -160,6 +160,14 @@ def _kes(rows, fabric):
 
 def _number(text):
     return f"{float(text):.4g}" if text else ""
+
+
+def _with_error(row):
+    """A KES parameter and, where it is more than a thousandth, the error of its reading between states."""
+    value, error = (float(row[name] or "nan") for name in ("value", "error"))
+    share = abs(error / value) if value else 0.0
+    text = _number(row["kes_value"])
+    return f"{text} ± {share * abs(float(row['kes_value'])):.1g}" if share > 1e-3 else text
 
 
 def _notes(rows, fabric):
