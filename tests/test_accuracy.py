@@ -18,7 +18,8 @@ from knitsim.errors import InputError
 from knitsim.stages import equilibrium_bending, equilibrium_rest, equilibrium_tension
 from knitsim.stages.equilibrium import finest, settings_of, solver_fabric
 from knitsim.stages.laws import stated_law
-from knitsim.stages.summary import _worst
+from knitsim.stages.page import _with_error
+from knitsim.stages.summary import _agreement, _worst
 from knitsim.store.tensile import counted_error
 from knitsim.study.study import load_study
 
@@ -239,3 +240,17 @@ def test_an_error_that_nothing_can_be_built_on_is_said_aloud(error, said):
     _worst(row, dataset)
     assert said in " ".join(row["stopped"])
     assert bool(row["stopped"]) == bool(said)
+
+
+def test_what_was_measured_and_how_well_a_parameter_is_read_is_said():
+    found = xr.Dataset(
+        {"misfit_rms": ("curve", [0.0712, np.nan])},
+        {"curve": ["wale", "course"], "curve_role": ("curve", ["fitted", "predicted"])},
+        {"calibration": "core"},
+    )
+    assert _agreement(found) == "core: wale fitted, 7.12 % rms, course not reached"
+    # 0.2 of 4 in SI is 5 %, of 40 in the instrument's unit 2.
+    parameter = {"value": "4", "error": "0.2", "kes_value": "40"}
+    assert _with_error(parameter) == "40 ± 2"
+    assert _with_error(parameter | {"error": "0.002"}) == "40"
+    assert _with_error(parameter | {"value": "", "error": "", "kes_value": ""}) == ""
