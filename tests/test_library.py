@@ -80,6 +80,9 @@ def test_importing_it_is_light():
         "sys.exit(len(heavy & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+    # A curve on the screen needs no tables and datasets.
+    code = "import sys, knitsim; knitsim.pull; sys.exit('xarray' in sys.modules or 'pandas' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
 def test_unknown_names_are_refused():

@@ -1,7 +1,6 @@
 """What a test in the equilibrium model says, under the names of the result store."""
 
 import numpy as np
-import xarray as xr
 
 from knitsim.store.schema import ENERGY_TERMS, PHASES, VARIABLES
 from knitsim.store.tensile import loop_coordinates
@@ -46,6 +45,8 @@ def bend_dataset(curve, steps=None):
 
 def _states(curve, own, lines, along, steps):
     """own: arrays (states,) of this kind of test; lines: (states, loops, points, 3), m."""
+    import xarray as xr  # late: it takes long to load, and a curve on the screen needs none
+
     steps = curve.steps if steps is None else steps
     padded = _padding(curve.steps, steps)
     for name in (

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from knitsim.equilibrium.accuracy import largest_error
@@ -26,6 +25,9 @@ from knitsim.store.tensile import absolute_error
 from knitsim.store.writer import to_json
 from knitsim.study.study import Fabric
 from knitsim.units import from_si
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Numbers = NDArray[np.float64]
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import xarray as xr
+from typing import TYPE_CHECKING, Any
 
 from knitsim.equilibrium.accuracy import rest_to
 from knitsim.equilibrium.relax import Relaxed
@@ -18,6 +16,9 @@ from knitsim.stages.laws import calibration_of, laws_of
 from knitsim.study.check import check_value
 from knitsim.study.schema import SCENE
 from knitsim.study.study import Fabric
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 class Rest(Result):

@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 
 from knitsim.stages.equilibrium import settings_of
 from knitsim.store.writer import with_attributes, write
 from knitsim.study.study import Fabric
 
 if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
     from matplotlib.axes import Axes
 
 
@@ -54,6 +54,8 @@ class Result:
         >>> list(frame.columns[:4])
         ['strain', 'phase', 'cycle', 'segment']
         """
+        import pandas as pd  # late, as xarray is: a curve on the screen needs none
+
         dataset = self.to_dataset()
         along = {"step"} if "step" in dataset.dims else set()
         kept = [

@@ -3,7 +3,6 @@
 from functools import partial
 
 import numpy as np
-import xarray as xr
 
 from knitsim.equilibrium.accuracy import rest_to
 from knitsim.equilibrium.density import fit_density
@@ -66,6 +65,8 @@ def rest_dataset(fabric, relaxed, error):
 
     A density that nobody stated is not a number.
     """
+    import xarray as xr  # late: it takes long to load, and a curve on the screen needs none
+
     lines, area = relaxed.centrelines, relaxed.wale_spacing * relaxed.course_spacing
     stated = {
         f"stated_{name}": fabric[name] if fabric.is_stated(name) else np.nan
@@ -106,6 +107,8 @@ def rest_dataset(fabric, relaxed, error):
 
 def run(fabric, laws):
     """(dataset, timings) of a FabricInput; laws: TensionLaw of its yarn by form."""
+    import xarray as xr  # late: it takes long to load, and a curve on the screen needs none
+
     timings = Timings(STAGE, fabric.name)
     law, test = laws["continuous"], fabric.scene[STAGE]
     settings = settings_of(fabric)

@@ -1,7 +1,6 @@
 """The effect of each assumption on the results, by running again with its other values."""
 
 import numpy as np
-import xarray as xr
 
 from knitsim.errors import ComputationError, InputError
 
@@ -24,6 +23,8 @@ def effect_dataset(resolved, stages, headlines):
     headlines: a function of the resolved input that returns {name: (value, units)}.  Where an
     alternative is refused or cannot be computed the effect is not a number and ``refused`` says why.
     """
+    import xarray as xr  # late: it takes long to load, and a curve on the screen needs none
+
     stated = headlines(resolved)
     base = np.array([value for value, _ in stated.values()], dtype=float)
     labels, ranges, effects, refused = [], [], [], []

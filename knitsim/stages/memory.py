@@ -1,7 +1,6 @@
 """What friction remembers, in the stages: histories, programmes of loads, what comes out per cycle."""
 
 import numpy as np
-import xarray as xr
 
 from knitsim.equilibrium.programme import (
     RELEASED,
@@ -51,6 +50,8 @@ def history_json(fabric):
 
 def cycles_dataset(curve, cycles):
     """What each cycle of a Curve gives; cycles: rows, more than it has where other curves have more."""
+    import xarray as xr  # late: it takes long to load, and a curve on the screen needs none
+
     found = per_cycle(curve)
     rows = np.full((cycles, 3), np.nan)
     rows[: len(found)] = found

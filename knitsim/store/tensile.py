@@ -1,7 +1,6 @@
 """Datasets of tensile and bending tests, one place for both models: names as in the schema."""
 
 import numpy as np
-import xarray as xr
 from scipy.interpolate import CubicSpline
 
 from knitsim.store.schema import AXES, ENERGY_TERMS, PHASES
@@ -16,6 +15,8 @@ def stack_variants(datasets):
     Where they were solved with different numbers of points, all centre lines get those of the finest, by
     cubic splines.
     """
+    import xarray as xr  # late: it takes long to load, and a curve on the screen needs none
+
     points = max((one.sizes.get("point", 0) for one in datasets.values()), default=0)
     return xr.concat(
         [_with_points(one, points) for one in datasets.values()],
@@ -47,6 +48,8 @@ def test_dataset(along, values, recovery, variables, *, stretch_energy):
     arrays by schema name, (steps,), or (steps, points, 3) for the centre line.  Energy terms that
     the model does not have are zero.
     """
+    import xarray as xr  # late: it takes long to load, and a curve on the screen needs none
+
     steps = values.size
     energy = np.zeros((steps, len(ENERGY_TERMS)))
     energy[:, ENERGY_TERMS.index("stretch")] = stretch_energy
