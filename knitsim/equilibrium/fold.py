@@ -13,8 +13,11 @@ fabric finds its next state, and so on until it is stable.
 (4, 2, 1)
 """
 
+from functools import partial
+
 import numpy as np
-from scipy.linalg import eigh
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.sparse.linalg import LinearOperator, eigsh
 
 from knitsim.equilibrium.cell import owners, symmetries_of
 from knitsim.equilibrium.fabric import Resolution
@@ -30,6 +33,7 @@ STEP = 0.3  # diameters, largest of a step along an eigenvector
 SYMMETRIC = 0.02  # of the step: to what an operation must hold
 KEPT = 0.02  # diameters: to what it must hold at rest
 LESS = 1e-6  # of the energy: how much less counts
+SHIFTED = 4.0  # factor of a shift that is too small
 UNSTABLE = 1e-9  # of the largest eigenvalue: a negative one that is more than round-off
 
 
@@ -42,18 +46,33 @@ def lowest_mode(model, y):
     """
     free, work = model.free(0, 3), new_work(model.scene)
     energy_of(model.scene, y, pairs_at(model.scene, y, 0.0, work), (), np.int64(2), work)
-    hessian = work.hessian[np.ix_(free, free)]
+    hessian = work.hessian[np.ix_(free, free)].copy()
     whole = model.cell.whole
     place = np.zeros((len(whole.rows), y.size))
     place[owners(whole), whole.entries.column] = whole.entries.value
     place[-LATTICE:] *= np.sqrt(model.cell.points)
-    value, vector = eigh(hessian, (place.T @ place)[np.ix_(free, free)], subset_by_index=[0, 0])
+    value, vector = _lowest(hessian, (place.T @ place)[np.ix_(free, free)])
     mode = np.zeros(y.size)
-    mode[free] = vector[:, 0]
+    mode[free] = vector
     moved = np.append((place @ mode)[:-LATTICE], mode[-LATTICE:-1])
     # The sign is a convention of the library that found it.
     mode /= moved[np.argmax(np.abs(moved))]
-    return value[0] / hessian.diagonal().max(), mode
+    return value / hessian.diagonal().max(), mode
+
+
+def _lowest(hessian, mass):
+    """Lowest eigenvalue and its vector, by Lanczos' method from a shift below it, where there is a factor."""
+    shift = UNSTABLE * hessian.diagonal().max()
+    while True:
+        try:
+            factor = cho_factor(hessian + shift * mass)
+            break
+        except LinAlgError:
+            shift *= SHIFTED
+    solve = LinearOperator(hessian.shape, matvec=partial(cho_solve, factor), dtype=float)
+    start = np.random.default_rng(0).standard_normal(len(hessian))
+    value, vector = eigsh(hessian, k=1, M=mass, sigma=-shift, OPinv=solve, v0=start)
+    return value[0], vector[:, 0]
 
 
 def folded(one, y, used):

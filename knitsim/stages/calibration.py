@@ -318,7 +318,8 @@ def run(fabric, laws, name):
     laws: TensionLaw of its yarn by form.  Raises ComputationError where no fabric within the bounds
     reaches the measured points.
     """
-    if name != GIVEN and not fabric["calibrations"][name]["free"]:
+    source = fabric.calibrated_on or fabric
+    if name != GIVEN and not source["calibrations"][name]["free"]:
         from knitsim.stages.inference import run as run_inference
 
         return run_inference(fabric, laws, name)
@@ -327,7 +328,6 @@ def run(fabric, laws, name):
     records = {key: test.record() for key, test in measured.items()}
     asked = asked_of(fabric, measured)
     measured = _to_fit(measured)
-    source = fabric.calibrated_on or fabric
     built = solver_fabric(fabric, laws["continuous"], friction=True)
     found, notes, warnings = None, [], []
     if name == GIVEN:
