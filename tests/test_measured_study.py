@@ -228,7 +228,6 @@ def test_another_pattern_takes_the_fits_of_its_jersey_alone():
     fabrics = load_study(CONFIG / "patterns", CONFIG).fabrics
     garter, plain = fabrics["acrylic_garter"], fabrics["acrylic_plain"]
     assert names_of(garter) == [GIVEN, "both"] and inferred_of(garter) == []
-    learned = plain["calibrations"]["both"] | {"free": []}
-    plain["calibrations"] = plain["calibrations"] | {"learned": learned}
+    plain.values["calibrations"]["learned"] = plain["calibrations"]["both"] | {"free": []}
     assert names_of(garter) == [GIVEN, "both"] and inferred_of(garter) == []
     assert names_of(plain) == [GIVEN, "both", "learned"] and inferred_of(plain) == ["learned"]

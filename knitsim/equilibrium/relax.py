@@ -417,7 +417,8 @@ def _grow(model, y, free):
     total, reached, growth, good, status = 0, 0.0, _GROWTH, y.copy(), CONVERGED
     while True:
         grown = model if diameter == own else with_diameter(model, diameter)
-        limit = RELAX_ITERATIONS if diameter == own else GROWTH_ITERATIONS
+        # The first state has no other to begin from.
+        limit = RELAX_ITERATIONS if diameter == own or not reached else GROWTH_ITERATIONS
         control = model.control._replace(limit=limit)
         status, used, *_ = minimise(model, grown.scene, y, model.free(*free), control)
         total += used
