@@ -99,13 +99,24 @@ def folded(one, y, used):
             found = settle(less, carried(less, full, disturbed), less.free(0, 3), state.iterations)
         except ComputationError:
             break
-        if not found.energy.sum() < (1.0 - LESS) * state.energy.sum():
+        less_energy = found.energy.sum() < (1.0 - LESS) * state.energy.sum()
+        if not less_energy or _ran_away(found, state):
             break
         left.append((state.wale_spacing, state.course_spacing, float(state.energy.sum())))
         one, state = less, found
     if left:
         one, state = _with_symmetry(one, state)
     return one, state.y, used + state.iterations, tuple(left)
+
+
+def _ran_away(found, state):
+    """Whether a fabric has not folded but come apart: its spacings are beyond half or twice those it had.
+
+    Courses that slide so far over each other meet others than those whose images are looked at.
+    """
+    wale = found.wale_spacing / state.wale_spacing
+    course = found.course_spacing / state.course_spacing
+    return not (0.5 < wale < 2.0 and 0.5 < course < 2.0)
 
 
 def _with_symmetry(one, state):
@@ -122,5 +133,5 @@ def _with_symmetry(one, state):
         found = settle(more, carried(more, one, state.y), more.free(0, 3), state.iterations)
     except ComputationError:
         return one, state
-    same = found.energy.sum() <= (1.0 + LESS) * state.energy.sum()
+    same = abs(found.energy.sum() / state.energy.sum() - 1.0) <= LESS
     return (more, found) if same else (one, state)
