@@ -18,13 +18,14 @@ from functools import partial
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.sparse.linalg import LinearOperator, eigsh
+from scipy.spatial import cKDTree
 
-from knitsim.equilibrium.cell import owners, symmetries_of
+from knitsim.equilibrium.cell import loops_of, owners, reach_of, symmetries_of
 from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.kernels.energy import energy_of, new_work
 from knitsim.equilibrium.kernels.pairs import pairs_at
 from knitsim.equilibrium.kernels.records import LATTICE
-from knitsim.equilibrium.model import build_model, carried
+from knitsim.equilibrium.model import build_model, carried, centrelines
 from knitsim.errors import ComputationError
 
 MOST_LOOPS = 16  # in a cell that is searched
@@ -73,6 +74,27 @@ def _lowest(hessian, mass):
     start = np.random.default_rng(0).standard_normal(len(hessian))
     value, vector = eigsh(hessian, k=1, M=mass, sigma=-shift, OPinv=solve, v0=start)
     return value[0], vector[:, 0]
+
+
+def overlooked(model, y):
+    """Whether yarns touch that lie further apart than the cell's images reach: courses that have slid far
+    over each other, which could have passed through each other unseen.
+    """
+    cell, d = model.cell, model.fabric.diameter
+    size = np.array([cell.wales, cell.courses])
+    across, up = np.ptp(loops_of(cell, y)[..., :2], axis=(0, 1)) + d
+    a1, a2 = y[model.lattice : model.lattice + 4].reshape(2, 2) * size[:, None]
+    highest = int(up / a2[1])
+    widest = int((across + highest * abs(a2[0])) / a1[0])
+    seen = np.maximum(reach_of(cell.pattern), size) // size
+    far = [
+        (p, q) for q in range(highest + 1) for p in range(-widest, widest + 1)
+        if abs(p) > seen[0] or q > seen[1]
+    ]  # fmt: skip
+    points = centrelines(model, y).reshape(-1, 3) if far else np.zeros((0, 3))
+    tree = cKDTree(points)
+    moves = (np.append(p * a1 + q * a2, 0.0) for p, q in far)
+    return any(np.isfinite(tree.query(points + m, distance_upper_bound=d)[0]).any() for m in moves)
 
 
 def folded(one, y, used):
