@@ -9,7 +9,7 @@ import yaml
 from knitsim.errors import InputError
 from knitsim.measured.read import measured_test
 from knitsim.stages.check import check_study
-from knitsim.study.measured_checks import free_of, meaningless, value_of
+from knitsim.study.measured_checks import free_of, inferred_of, meaningless, names_of, value_of
 from knitsim.study.measured_keys import GIVEN, PARAMETERS
 from knitsim.study.study import load_study
 
@@ -221,3 +221,13 @@ def test_the_default_study_is_never_calibrated_on_all_that_was_measured():
     low, high = pins.band
     assert (low < pins["strain"]).all() and (pins["strain"] < high).all()
     assert "10.1038/s41467-024-46498-z" in " ".join(pins.comments)
+
+
+def test_another_pattern_takes_the_fits_of_its_jersey_alone():
+    """A calibration without free parameters learns of every input of its own fabric: no other takes it."""
+    fabrics = load_study(CONFIG / "patterns", CONFIG).fabrics
+    garter, plain = fabrics["acrylic_garter"], fabrics["acrylic_plain"]
+    assert names_of(garter) == [GIVEN, "both"] and inferred_of(garter) == []
+    plain.values["calibrations"]["learned"] = plain["calibrations"]["both"] | {"free": []}
+    assert names_of(garter) == [GIVEN, "both"] and inferred_of(garter) == []
+    assert names_of(plain) == [GIVEN, "both", "learned"] and inferred_of(plain) == ["learned"]

@@ -29,8 +29,9 @@ from knitsim.equilibrium.kernels.records import (
 )
 from knitsim.equilibrium.pattern import Pattern
 
-# Images this many wales and courses away can touch: where stitches differ a fabric may fold.
-REACH, REACH_FOLDED = (2, 2), (4, 3)
+# Images this many wales and courses away can touch: where stitches differ a fabric may fold, wales
+# behind each other and, where courses differ, these over each other.
+REACH, REACH_RIB, REACH_FOLDED = (2, 2), (4, 3), (4, 5)
 # Which symmetries a test leaves: those that a bent fabric has, whose face and back differ, and those of
 # a sheared one, whose cell is no rectangle.
 KEPT = {
@@ -366,10 +367,15 @@ def touch_of(cell, lengths, exclude):
     return Touch(points, images, cell.copies, float(exclude), float(np.abs(images.steps).max()))
 
 
+def reach_of(pattern):
+    """Wales and courses to the furthest images of a pattern that are looked at."""
+    return REACH if pattern.uniform else REACH_RIB if pattern.courses == 1 else REACH_FOLDED
+
+
 @functools.lru_cache(maxsize=64)
 def images_of(pattern, wales, courses, symmetries):
     """Every operation that carries the yarn to a place that it can touch (IMAGE), arcs in loops."""
-    reach = REACH if pattern.uniform else REACH_FOLDED
+    reach = reach_of(pattern)
     found = []
     for one in symmetries:
         wide = _periods(one.along, wales, reach[0])
@@ -383,16 +389,9 @@ def images_of(pattern, wales, courses, symmetries):
         np.abs(sign[None] - sign[:, None]).max(-1) < 1e-9
     )
     return records(
-        IMAGE,
-        len(found),
-        sign=sign,
-        steps=steps,
-        arc_sign=sign[:, 0],
-        arc_shift=steps[:, 0],
-        turn=sign[:, 1],
-        up=steps[:, 1],
-        inverse=match.argmax(1),
-    )
+        IMAGE, len(found), sign=sign, steps=steps, arc_sign=sign[:, 0], arc_shift=steps[:, 0],
+        turn=sign[:, 1], up=steps[:, 1], inverse=match.argmax(1),
+    )  # fmt: skip
 
 
 def _periods(offset, period, reach):
@@ -411,12 +410,9 @@ def trace_of(cell, touch):
         place.append(at)
         course.append(np.full(len(at), one.course))
     points = records(
-        TOUCH_POINT,
-        sum(map(len, first)),
-        first=np.concatenate(first),
-        yarn=np.concatenate(course),
-        basis=spline.basis(np.concatenate(place)),
-    )
+        TOUCH_POINT, sum(map(len, first)), first=np.concatenate(first),
+        yarn=np.concatenate(course), basis=spline.basis(np.concatenate(place)),
+    )  # fmt: skip
     return touch._replace(points=points)
 
 

@@ -13,15 +13,19 @@ fabric finds its next state, and so on until it is stable.
 (4, 2, 1)
 """
 
-import numpy as np
-from scipy.linalg import eigh
+from functools import partial
 
-from knitsim.equilibrium.cell import owners, symmetries_of
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.sparse.linalg import LinearOperator, eigsh
+from scipy.spatial import cKDTree
+
+from knitsim.equilibrium.cell import loops_of, owners, reach_of, symmetries_of
 from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.kernels.energy import energy_of, new_work
 from knitsim.equilibrium.kernels.pairs import pairs_at
 from knitsim.equilibrium.kernels.records import LATTICE
-from knitsim.equilibrium.model import build_model, carried
+from knitsim.equilibrium.model import build_model, carried, centrelines
 from knitsim.errors import ComputationError
 
 MOST_LOOPS = 16  # in a cell that is searched
@@ -30,6 +34,7 @@ STEP = 0.3  # diameters, largest of a step along an eigenvector
 SYMMETRIC = 0.02  # of the step: to what an operation must hold
 KEPT = 0.02  # diameters: to what it must hold at rest
 LESS = 1e-6  # of the energy: how much less counts
+SHIFTED = 4.0  # factor of a shift that is too small
 UNSTABLE = 1e-9  # of the largest eigenvalue: a negative one that is more than round-off
 
 
@@ -43,18 +48,54 @@ def lowest_mode(model, y):
     free, work = model.free(0, 3), new_work(model.scene)
     pairs = pairs_at(model.scene, y, 0.0, work)
     energy_of(model.scene, y, pairs, model.at_ease, np.int64(2), work)
-    hessian = work.hessian[np.ix_(free, free)]
+    hessian = work.hessian[np.ix_(free, free)].copy()
     whole = model.cell.whole
     place = np.zeros((len(whole.rows), y.size))
     place[owners(whole), whole.entries.column] = whole.entries.value
     place[-LATTICE:] *= np.sqrt(model.cell.points)
-    value, vector = eigh(hessian, (place.T @ place)[np.ix_(free, free)], subset_by_index=[0, 0])
+    value, vector = _lowest(hessian, (place.T @ place)[np.ix_(free, free)])
     mode = np.zeros(y.size)
-    mode[free] = vector[:, 0]
+    mode[free] = vector
     moved = np.append((place @ mode)[:-LATTICE], mode[-LATTICE:-1])
     # The sign is a convention of the library that found it.
     mode /= moved[np.argmax(np.abs(moved))]
-    return value[0] / hessian.diagonal().max(), mode
+    return value / hessian.diagonal().max(), mode
+
+
+def _lowest(hessian, mass):
+    """Lowest eigenvalue and its vector, by Lanczos' method from a shift below it, where there is a factor."""
+    shift = UNSTABLE * hessian.diagonal().max()
+    while True:
+        try:
+            factor = cho_factor(hessian + shift * mass)
+            break
+        except LinAlgError:
+            shift *= SHIFTED
+    solve = LinearOperator(hessian.shape, matvec=partial(cho_solve, factor), dtype=float)
+    start = np.random.default_rng(0).standard_normal(len(hessian))
+    value, vector = eigsh(hessian, k=1, M=mass, sigma=-shift, OPinv=solve, v0=start)
+    return value[0], vector[:, 0]
+
+
+def overlooked(model, y):
+    """Whether yarns touch that lie further apart than the cell's images reach: courses that have slid far
+    over each other, which could have passed through each other unseen.
+    """
+    cell, d = model.cell, model.fabric.diameter
+    size = np.array([cell.wales, cell.courses])
+    across, up = np.ptp(loops_of(cell, y)[..., :2], axis=(0, 1)) + d
+    a1, a2 = y[model.lattice : model.lattice + 4].reshape(2, 2) * size[:, None]
+    highest = int(up / a2[1])
+    widest = int((across + highest * abs(a2[0])) / a1[0])
+    seen = np.maximum(reach_of(cell.pattern), size) // size
+    far = [
+        (p, q) for q in range(highest + 1) for p in range(-widest, widest + 1)
+        if abs(p) > seen[0] or q > seen[1]
+    ]  # fmt: skip
+    points = centrelines(model, y).reshape(-1, 3) if far else np.zeros((0, 3))
+    tree = cKDTree(points)
+    moves = (np.append(p * a1 + q * a2, 0.0) for p, q in far)
+    return any(np.isfinite(tree.query(points + m, distance_upper_bound=d)[0]).any() for m in moves)
 
 
 def folded(one, y, used):
@@ -81,13 +122,24 @@ def folded(one, y, used):
             found = settle(less, carried(less, full, disturbed), less.free(0, 3), state.iterations)
         except ComputationError:
             break
-        if not found.energy.sum() < (1.0 - LESS) * state.energy.sum():
+        less_energy = found.energy.sum() < (1.0 - LESS) * state.energy.sum()
+        if not less_energy or _ran_away(found, state):
             break
         left.append((state.wale_spacing, state.course_spacing, float(state.energy.sum())))
         one, state = less, found
     if left:
         one, state = _with_symmetry(one, state)
     return one, state.y, used + state.iterations, tuple(left)
+
+
+def _ran_away(found, state):
+    """Whether a fabric has not folded but come apart: its spacings are beyond half or twice those it had.
+
+    Courses that slide so far over each other meet others than those whose images are looked at.
+    """
+    wale = found.wale_spacing / state.wale_spacing
+    course = found.course_spacing / state.course_spacing
+    return not (0.5 < wale < 2.0 and 0.5 < course < 2.0)
 
 
 def _with_symmetry(one, state):
@@ -104,5 +156,5 @@ def _with_symmetry(one, state):
         found = settle(more, carried(more, one, state.y), more.free(0, 3), state.iterations)
     except ComputationError:
         return one, state
-    same = found.energy.sum() <= (1.0 + LESS) * state.energy.sum()
+    same = abs(found.energy.sum() / state.energy.sum() - 1.0) <= LESS
     return (more, found) if same else (one, state)

@@ -20,6 +20,7 @@ STEP_CAP = 0.15  # diameters
 SKIN = 0.15  # diameters
 ITERATIONS = 60
 FULL_ITERATIONS = 100  # loops that exchange yarn do so slowly
+FOLDED_ITERATIONS = 400  # what folds may snap from one shape to another on the way
 SPARSE_FROM = 4  # loops in a cell
 TRUST = 0
 ROUNDED_STRAIN = 4e-4  # half width of the rounding of the tension law's kinks
@@ -156,11 +157,13 @@ def build_model(fabric, resolution=None, kept=None, sparse=None, slides=False):
         (),
     )
     d = fabric.diameter
+    limit = ITERATIONS if cell.symmetric else FULL_ITERATIONS
+    limit = limit if fabric.pattern.uniform else FOLDED_ITERATIONS
     control = Control(
         fabric.bending_rigidity * min(TOLERANCE / d**2, OPEN_TOLERANCE / fabric.loop_length**2),
         STEP_CAP * d,
         SKIN * d,
-        ITERATIONS if cell.symmetric else FULL_ITERATIONS,
+        limit,
         TRUST,
         not fabric.pattern.uniform,
     )

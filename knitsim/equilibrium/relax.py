@@ -13,7 +13,7 @@ import numpy as np
 from knitsim.equilibrium import spline
 from knitsim.equilibrium.cell import KEPT, pack
 from knitsim.equilibrium.fabric import Resolution
-from knitsim.equilibrium.fold import folded
+from knitsim.equilibrium.fold import folded, overlooked
 from knitsim.equilibrium.kernels.accept import CROSSINGS_LOST, NOT_SETTLED, RAN_AWAY, TOO_CLOSE
 from knitsim.equilibrium.kernels.newton import CONVERGED, NO_DESCENT, NOT_FINITE, TOO_MANY
 from knitsim.equilibrium.kernels.records import SHEAR
@@ -129,10 +129,10 @@ def is_intact(model, y):
     """Whether the crossings are those of the pattern, read again where other code can.
 
     One plain loop is read by :mod:`knitsim.loop.lattice`.  A fabric that folds shows other crossings than
-    its pattern has; there no step lets yarns pass through each other, and nothing is read.
+    its pattern has; no step lets its yarns pass through each other where all that touch are seen.
     """
     if not model.fabric.pattern.uniform:
-        return True
+        return not overlooked(model, y)
     if model.loops > 1:
         return is_plain(model, y)
     lattice = y[model.lattice : model.lattice + 4].reshape(2, 2)
@@ -375,8 +375,7 @@ def _pulled_to(model, rest, spacings):
 
 def check_start(fabric, resolution=None):
     """Raises InputError if no starting shape of the loop is interlooped; nothing is solved."""
-    model, reasons = build_model(fabric, resolution), []
-    length = fabric.loop_length
+    model, reasons, length = build_model(fabric, resolution), [], fabric.loop_length
     if not any(True for _ in _starting_shapes(model, length / KW, length / KC, reasons)):
         raise InputError("loop length", length, f"no loop can be laid ({reasons[0]})")
 
@@ -430,7 +429,8 @@ def _grow(model, y, free):
     total, reached, growth, good, status = 0, 0.0, _GROWTH, y.copy(), CONVERGED
     while True:
         grown = model if diameter == own else with_diameter(model, diameter)
-        limit = RELAX_ITERATIONS if diameter == own else GROWTH_ITERATIONS
+        # The first state has no other to begin from.
+        limit = RELAX_ITERATIONS if diameter == own or not reached else GROWTH_ITERATIONS
         control = model.control._replace(limit=limit)
         status, used, *_ = minimise(model, grown.scene, y, model.free(*free), control)
         total += used

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from knitsim.equilibrium.kernels.accept import REACHED
+from knitsim.equilibrium.fold import overlooked
+from knitsim.equilibrium.kernels.accept import CROSSINGS_LOST, REACHED
 from knitsim.equilibrium.kernels.follow import March, Standing, new_trail
 from knitsim.equilibrium.relax import REASONS
 from knitsim.equilibrium.result import LOADING, RECOVERY
@@ -60,6 +61,10 @@ class Walk:
         reached, status, memory = follow(
             self.model, self.scene, here, targets, self.march, self.rub, trail
         )
+        if not self.model.fabric.pattern.uniform:
+            for n in range(reached):
+                if overlooked(self.model, trail.y[n]):
+                    return trail, here._replace(memory=memory), n, CROSSINGS_LOST
         return trail, here._replace(memory=memory), reached, status
 
     def _keep(self, trail, there, count, phase, cycle):

@@ -1,5 +1,7 @@
 """A calibration on measured curves of a fabric, and what its parameters predict of every other test."""
 
+from dataclasses import replace
+
 import numpy as np
 import xarray as xr
 
@@ -312,13 +314,26 @@ def _to_fit(measured):
     return {key: m.to_fit() if m.kind == "tension" else m for key, m in measured.items()}
 
 
-def run(fabric, laws, name):
+def _fitted(source, laws, name, measured, profile, timings):
+    """The Calibration ``name`` of a FabricInput; measured: its curves where profile is true."""
+    if not profile:
+        measured = _to_fit({key: measured_test(source, key) for key in source["measured"]})
+    problem = problem_of(
+        source, name, solver_fabric(source, laws["continuous"], friction=True), measured
+    )
+    with timings.measure(f"{name}: fit of {', '.join(problem.names)}, with profiles"):
+        return fit(problem, profile=profile)
+
+
+def run(fabric, laws, name, fits=None):
     """(dataset, timings) of the calibration ``name`` of a FabricInput, or of GIVEN.
 
-    laws: TensionLaw of its yarn by form.  Raises ComputationError where no fabric within the bounds
+    laws: TensionLaw of its yarn by form; fits: Calibrations by (fabric, name) that are known, to which a new
+    one is added.  Raises ComputationError where no fabric within the bounds
     reaches the measured points.
     """
-    if name != GIVEN and not fabric["calibrations"][name]["free"]:
+    source = fabric.calibrated_on or fabric
+    if name != GIVEN and not source["calibrations"][name]["free"]:
         from knitsim.stages.inference import run as run_inference
 
         return run_inference(fabric, laws, name)
@@ -327,20 +342,20 @@ def run(fabric, laws, name):
     records = {key: test.record() for key, test in measured.items()}
     asked = asked_of(fabric, measured)
     measured = _to_fit(measured)
-    source = fabric.calibrated_on or fabric
     built = solver_fabric(fabric, laws["continuous"], friction=True)
     found, notes, warnings = None, [], []
     if name == GIVEN:
         predictor = Predictor(built, resolution=settings_of(fabric).stated)
     else:
-        fits = measured
+        fits = {} if fits is None else fits
+        if (source.name, name) not in fits:
+            fits[source.name, name] = _fitted(
+                source, laws, name, measured, source is fabric, timings
+            )
+        found = fits[source.name, name]
         if source is not fabric:
-            fits = _to_fit({key: measured_test(source, key) for key in source["measured"]})
-        fitted_fabric = solver_fabric(source, laws["continuous"], friction=True)
-        problem = problem_of(source, name, fitted_fabric, fits)
-        with timings.measure(f"{name}: fit of {', '.join(problem.names)}, with profiles"):
-            # Whoever is calibrated on another fabric finds the profiles in that one's result.
-            found = fit(problem, profile=source is fabric)
+            # They stand in that one's result.
+            found = replace(found, profiles=())
         predictor = Predictor(None if source is fabric else built, calibration=found)
         notes, warnings = list(found.notes), list(found.warnings)
     fitted = () if name == GIVEN or source is not fabric else fabric["calibrations"][name]["fit"]

@@ -1,4 +1,4 @@
-"""One pattern of the study of patterns: at rest, in tension both ways, and as its calibration predicts.
+"""The study of patterns: each at rest, in tension both ways, and as its calibration predicts.
 
 The Snakefile reads the paths here, so models are imported where they run.
 """
@@ -26,14 +26,21 @@ def paths(fabric):
     return [path_of("equilibrium_rest", fabric=fabric.name), *tension, *fits]
 
 
-def run(fabric):
-    """The datasets of a FabricInput, one after the other."""
+def ordered(study):
+    """The FabricInputs of a study, those that others may be calibrated on first."""
+    return sorted(study.fabrics.values(), key=lambda fabric: fabric.calibrated_on is not None)
+
+
+def run(fabrics):
+    """The datasets of :func:`ordered` FabricInputs, one after the other; each fit is made once."""
     from knitsim.stages import calibration, equilibrium_rest, equilibrium_tension
     from knitsim.stages.laws import calibration_of, laws_of
 
-    laws = laws_of(fabric.yarn, calibration_of(fabric.yarn))
-    yield equilibrium_rest.run(fabric, laws)[0]
-    for direction in DIRECTIONS:
-        yield equilibrium_tension.run(fabric, laws, direction)[0]
-    for name in calibrations_of(fabric):
-        yield calibration.run(fabric, laws, name)[0]
+    fits = {}
+    for fabric in fabrics:
+        laws = laws_of(fabric.yarn, calibration_of(fabric.yarn))
+        yield equilibrium_rest.run(fabric, laws)[0]
+        for direction in DIRECTIONS:
+            yield equilibrium_tension.run(fabric, laws, direction)[0]
+        for name in calibrations_of(fabric):
+            yield calibration.run(fabric, laws, name, fits)[0]

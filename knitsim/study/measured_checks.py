@@ -43,17 +43,19 @@ def names_of(fabric, on_request=None):
     return given + [
         name for name, entry in source["calibrations"].items()
         if on_request in (None, entry["on_request"])
-        and (source is fabric or all(PARAMETERS[free].is_of_yarn for free in entry["free"]))
+        and (source is fabric or _of_yarn(entry["free"]))
     ]  # fmt: skip
+
+
+def _of_yarn(free):
+    """Whether parameters, one or more, are all of the yarn."""
+    return bool(free) and all(PARAMETERS[name].is_of_yarn for name in free)
 
 
 def inferred_of(fabric, on_request=None):
     """Those of :func:`names_of` that have no free parameters: every input is uncertain."""
-    return [
-        n
-        for n in names_of(fabric, on_request)
-        if n != GIVEN and not fabric["calibrations"][n]["free"]
-    ]
+    own = {} if fabric.calibrated_on else fabric["calibrations"]
+    return [n for n in names_of(fabric, on_request) if n in own and not own[n]["free"]]
 
 
 def config_of(fabric, name):
