@@ -191,6 +191,8 @@ def fig30_calibration(measured):
         ax.legend(handles=handles, loc="upper left", fontsize=6.3)
         found = "" if is_given(dataset) else _parameters_text(dataset)
         ax.text(0.985, 0.03, found, transform=ax.transAxes, ha="right", va="bottom", fontsize=6.3)
+    # Room for the legends above all curves; the panels share their axes.
+    axes.flat[0].set_ylim(top=(1.05 + 0.09 * len(handles)) * axes.flat[0].get_ylim()[1])
     for ax in axes.flat[len(datasets) :]:
         ax.set_visible(False)
     return fig
