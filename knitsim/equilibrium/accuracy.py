@@ -3,8 +3,8 @@
 A test is solved on one rung of a ladder of resolutions and on the next.  What changes from the one to the
 other tells the error of the finer: that of the control points falls with the 6th to 7th power of their
 number, that of the contact points with the 4th (measured), so that from a rung to the next the error falls
-more than threefold and the finer lacks less than half of the change.  Below SETTLED control points this
-is not yet so, nor with friction, where contact points stick or slide one by one: the change itself is
+more than threefold and the finer lacks less than half of the change; LACKING of it is said.  Below SETTLED
+control points this is not yet so, nor with friction, where contact points stick or slide one by one: the change itself is
 taken.  What is left wavers along the test; at each state the largest change of its neighbourhood stands.
 With friction the test is also solved, on the coarser rung, in steps twice as long; the law is stepped
 implicitly, and its error falls at least in proportion to the step.
@@ -25,7 +25,7 @@ from knitsim.store.tensile import SMALLEST_OF_LARGEST, counted_error, counted_sc
 
 # Control points a loop, and contact points over those of the contact law's rule.
 LADDER = ((48, 1.0), (72, 1.5), (112, 2.5), (168, 3.8), (248, 5.6))
-SETTLED, LACKING = 64, 0.5  # control points from which on an error is this part of the last change
+SETTLED, LACKING = 64, 0.7  # control points from which on an error is this part of the last change
 AROUND = 4  # states on either side whose error may stand for a state
 DENSER = 1.5  # contact points where those there are stand too far apart
 MOST_DENSE = 4.0  # contact points a test may end with, over those it began with
