@@ -1,53 +1,81 @@
 """``knitsim predict``: what measured curves of a fabric teach, and what they predict, in words."""
 
-import argparse
+import os
 import sys
 from pathlib import Path
 
 import numpy as np
 
-from knitsim.errors import ComputationError, InputError
-from knitsim.stages.inference import run
-from knitsim.stages.laws import ledger_laws
-from knitsim.store.writer import write
-from knitsim.study.measured_checks import inferred_of
-from knitsim.study.study import load_study
+from knitsim.errors import InputError
 from knitsim.units import from_si
 
 LINES = 5  # of a predicted curve
+DIRECTIONS = ("course", "wale")
 
 
-def main(arguments=None):
-    """``knitsim predict FABRIC``: fit the measured curves of a study's fabric with all inputs uncertain,
-    and predict its tests; 0, or 1 for what is refused."""
-    parser = argparse.ArgumentParser(
-        prog="knitsim predict", description=main.__doc__.partition(":")[2]
+def predict_options(parser):
+    """Options of ``knitsim predict``."""
+    parser.epilog = (
+        "A calibration without free parameters takes every input as uncertain as it is. Some two hundred "
+        "fabrics are solved for it, minutes; --results reads what knitsim run has left instead."
     )
-    parser.add_argument("fabric")
-    parser.add_argument("--study", default="config", help="directory of the study")
-    parser.add_argument("--calibration", help="one of its calibrations without free parameters")
+    parser.add_argument("fabric", metavar="FABRIC")
+    parser.add_argument("direction", nargs="?", choices=DIRECTIONS, help="pulled; both without")
+    parser.add_argument("--study", default=".", metavar="DIR", help="directory of the study")
+    parser.add_argument("--results", metavar="DIR", help="read the calibration's file from there")
+    parser.add_argument(
+        "--calibration", metavar="NAME", help="one without free parameters, else the first"
+    )
     parser.add_argument("--out", metavar="FILE.nc", help="write the result")
     parser.add_argument(
         "--plot", metavar="FILE.png", help="draw every measured test with its bands"
     )
-    given = parser.parse_args(arguments)
-    try:
-        fabric = _fabric(load_study(given.study), given.fabric)
-        name = _calibration(fabric, given.calibration)
+
+
+def predict(given):
+    """Fit the measured curves with all inputs uncertain, or read that fit, and say what it predicts."""
+    from knitsim.stages.inference import run
+    from knitsim.stages.laws import ledger_laws
+    from knitsim.store.writer import write
+    from knitsim.study.study import load_study
+
+    files = {key: Path(file).absolute() for key in ("out", "plot") if (file := getattr(given, key))}
+    for file in files.values():
+        if not file.parent.is_dir():
+            raise InputError(file, None, "there is no such directory")
+    results = Path(given.results).absolute() if given.results else None
+    if not Path(given.study).is_dir():
+        raise InputError(given.study, None, "no such directory; --study names that of the study")
+    # As knitsim run does: curve files are looked for from there.
+    os.chdir(given.study)
+    fabric = _fabric(load_study("."), given.fabric)
+    name = _calibration(fabric, given.calibration)
+    if results:
+        dataset = _stored(results, given.fabric, name)
+    else:
         dataset, _ = run(fabric, ledger_laws(fabric.yarn), name, _progress)
-    except (InputError, ComputationError) as error:
-        print(f"knitsim: {error}", file=sys.stderr)
-        return 1
-    print("\n".join(said(dataset)))
-    if given.out:
-        write(dataset, given.out)
-    if given.plot:
+    print("\n".join(said(dataset, [given.direction] if given.direction else DIRECTIONS)))
+    if "out" in files:
+        write(dataset, files["out"])
+    if "plot" in files:
         from knitsim.figures import style
         from knitsim.figures.inferred import fig34_prediction_bands
 
         with style.context():
-            style.save(fig34_prediction_bands({name: dataset}), Path(given.plot).with_suffix(""))
+            style.save(fig34_prediction_bands({name: dataset}), files["plot"].with_suffix(""))
     return 0
+
+
+def _stored(results, fabric, name):
+    import xarray as xr
+
+    from knitsim.store.results import path_of
+
+    path = results / path_of("calibration", fabric=fabric, calibration=name)
+    if not path.is_file():
+        raise InputError(path, None, "is not there; without --results it is computed")
+    with xr.open_dataset(path) as stored:
+        return stored.load()
 
 
 def _fabric(study, name):
@@ -57,6 +85,8 @@ def _fabric(study, name):
 
 
 def _calibration(fabric, asked):
+    from knitsim.study.measured_checks import inferred_of
+
     known = inferred_of(fabric)
     if not known:
         raise InputError(
@@ -78,7 +108,7 @@ def _progress(done, count):
         )
 
 
-def said(dataset):
+def said(dataset, directions=DIRECTIONS):
     """Lines that say what was learned, what is predicted and how that compares."""
     lines = ["input: before -> after (95 %), deviation left"]
     for k, name in enumerate(dataset.parameter.values):
@@ -89,7 +119,7 @@ def said(dataset):
             f"{one.parameter_units.values}, {100 * float(one.posterior_over_prior):.0f} %"
         )
     force = dataset.predicted_force_per_width.values
-    for direction in dataset.direction.values:
+    for direction in directions:
         one = dataset.sel(direction=direction)
         known = np.flatnonzero(np.isfinite(one.predicted_strain.values) & (force > 0.0))
         lines.append(f"{direction} pull: strain (%), median and 95 % band")
@@ -108,7 +138,3 @@ def said(dataset):
             f"{float(one.score_inside_95):.2f}, {float(one.score_crps):.4f}"
         )
     return lines
-
-
-if __name__ == "__main__":
-    sys.exit(main())
