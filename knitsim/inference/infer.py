@@ -19,6 +19,7 @@ from knitsim.inference.posterior import (
     Posterior,
     blocks_of,
     error_of,
+    fitted,
     predicted,
     reading,
     rest_blocks,
@@ -27,7 +28,7 @@ from knitsim.inference.posterior import (
 from knitsim.inference.scores import score
 
 FABRICS = 128  # solved for the emulator
-RUBBED, LEAST_RUBBED = 0.3, 30  # part of them solved with friction as well
+RUBBED, LEAST_RUBBED = 0.4, 30  # part of them solved with friction as well
 SEED = 20
 STATES = 14  # forces of a row
 LEAST_FORCE = 0.02  # of the largest: below it no strain is told
@@ -127,7 +128,7 @@ def blocks_for(fabric, places, tests, use=("strain", "rest")):
 
 def learned(fabric, emulator, tests, use=("strain", "rest"), forces=None, failed=(), seed=0):
     """The :class:`Inferred` of measured tests."""
-    posterior = Posterior(emulator, blocks_for(fabric, emulator.places, tests, use))
+    posterior = fitted(emulator, blocks_for(fabric, emulator.places, tests, use))
     k = posterior.draws(1000, seed)[2]
     solved = emulator.solved
     prior = Posterior(emulator)
@@ -221,7 +222,7 @@ def left_out(fabric, emulator, measured, choices, *, count=2000, seed=0):
     """
     rows = []
     for words, (tests, use) in choices.items():
-        posterior = Posterior(emulator, blocks_for(fabric, emulator.places, tests, use))
+        posterior = fitted(emulator, blocks_for(fabric, emulator.places, tests, use))
         for test in measured:
             for quantity in QUANTITIES:
                 if quantity not in test or (test in tests and quantity in use):
