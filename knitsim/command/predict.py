@@ -26,6 +26,11 @@ def predict_options(parser):
     parser.add_argument(
         "--calibration", metavar="NAME", help="one without free parameters, else the first"
     )
+    parser.add_argument(
+        "--synthetic", type=int, metavar="COUNT",
+        help="instead: whether the bands hold, by as many fabrics drawn from what is known of the inputs; "
+        "some ten seconds each",
+    )  # fmt: skip
     parser.add_argument("--out", metavar="FILE.nc", help="write the result")
     parser.add_argument(
         "--plot", metavar="FILE.png", help="draw every measured test with its bands"
@@ -34,7 +39,7 @@ def predict_options(parser):
 
 def predict(given):
     """Fit the measured curves with all inputs uncertain, or read that fit, and say what it predicts."""
-    from knitsim.stages.inference import run
+    from knitsim.stages.inference import run, synthetic
     from knitsim.stages.laws import ledger_laws
     from knitsim.store.writer import write
     from knitsim.study.study import load_study
@@ -50,6 +55,14 @@ def predict(given):
     os.chdir(given.study)
     fabric = _fabric(load_study("."), given.fabric)
     name = _calibration(fabric, given.calibration)
+    if given.synthetic:
+        found = synthetic(fabric, ledger_laws(fabric.yarn), name, given.synthetic, _progress)
+        print(
+            f"{100 * found[0]:.3g} and {100 * found[1]:.3g} % of {found[4]:.0f} points of {found[3]} course "
+            "curves lie in the 50 and 95 % bands predicted from wale curves; median width "
+            f"{100 * found[2]:.3g} % strain"
+        )
+        return 0
     if results:
         dataset = _stored(results, given.fabric, name)
     else:

@@ -1,5 +1,7 @@
 """Predictions with all inputs uncertain, beside the measured tests: a figure, a panel a test."""
 
+import json
+
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -43,8 +45,19 @@ def fig34_prediction_bands(inferred):
         "95 %": Patch(color=style.BLUE, alpha=_ALPHA[95]),
         "95 % before any curve": Patch(color=style.GREY, alpha=_PRIOR),
     }  # fmt: skip
-    panels.legend(fig, handles, ncols=5, note=f"Bands: {dataset.attrs['band_covers']}.")
+    panels.legend(
+        fig, handles, ncols=5, note=f"Bands: {dataset.attrs['band_covers']}. {_decides(dataset)}"
+    )
     return fig
+
+
+def _decides(dataset):
+    """What the predicted strain hangs on most, in words."""
+    said = []
+    for direction, tests in json.loads(dataset.attrs["next_tests"]).items():
+        what, left = next((one for one in tests if "pull" not in one[0]), tests[0])
+        said.append(f"{direction}: {what}, leaves {100 * left:.0f} %")
+    return "Narrows the strain most: " + "; ".join(said) + "."
 
 
 def _panel(ax, one, predicted, quantity):

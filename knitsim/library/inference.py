@@ -16,7 +16,7 @@ from knitsim.inference.forward import QUANTITIES
 from knitsim.inference.infer import (
     FABRICS,
     Inferred,
-    emulated,
+    Solved,
     forces_of,
     learned,
     next_tests,
@@ -245,8 +245,10 @@ def _learned(fabric: Fabric, curves: Sequence[MeasuredTest], fabrics: int) -> Le
     counted = [shifted(one.to_fit(), zero.get(one.direction, 0.0)) for one in curves]
     forces = forces_of(counted)
     found = inputs_of(built, assumed=assumed_of(fabric))
-    emulator, failed = emulated(built, found, forces, count=fabrics, pretension=zero)
-    return Learned(fabric, learned(built, emulator, counted, forces=forces, failed=failed))
+    solved = Solved(built, found, forces, count=fabrics, pretension=zero)
+    use = ("strain", "rest")
+    solved.refine(counted, use)
+    return Learned(fabric, learned(solved, counted, use))
 
 
 def predict(
