@@ -12,7 +12,7 @@ from knitsim.units import from_si
 
 _ALPHA = {95: 0.22, 50: 0.45}
 _PRIOR = 0.25
-_ROWS = (("strain", "strain"), ("transverse_strain", "strain across"))
+_ROWS = (("strain", "strain"), ("transverse_strain", "across the pull"))
 
 
 def fig34_prediction_bands(inferred):
@@ -30,7 +30,7 @@ def fig34_prediction_bands(inferred):
         for row, (quantity, words) in enumerate(_ROWS):
             _panel(axes[row, column], one, predicted, quantity)
             direction = str(one.curve_direction.values)
-            axes[row, column].set_xlabel(f"{words}, {direction} pull (%)")
+            axes[row, column].set_xlabel(f"{words}, {direction} (%)")
         axes[0, column].set_title(
             f"({panels.LETTERS[column]}) {str(one.curve.values).replace('_', ' ')}, {one.curve_role.values}",
             loc="left", fontsize=7,

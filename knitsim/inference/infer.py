@@ -248,10 +248,10 @@ def next_tests(found, target, candidates=(), at=None):
     return sorted(rows, key=lambda row: row[1])
 
 
-def left_out(fabric, emulator, measured, choices, *, count=2000, seed=0):
+def left_out(fabric, emulator, measured, choices, *, count=2000, seed=0, between=(0.0, math.inf)):
     """Scores of tests that were not fitted: rows (fitted, test, quantity, :class:`.scores.Score`).
 
-    measured: [MeasuredTest]; choices: {words: (tests fitted, use)}.
+    measured: [MeasuredTest]; choices: {words: (tests fitted, use)}; between: forces (N/m) of the points.
     """
     rows = []
     for words, (tests, use) in choices.items():
@@ -260,7 +260,7 @@ def left_out(fabric, emulator, measured, choices, *, count=2000, seed=0):
             for quantity in QUANTITIES:
                 if quantity not in test or (test in tests and quantity in use):
                     continue
-                one = scored(posterior, test, quantity, count=count, seed=seed)
+                one = scored(posterior, test, quantity, count=count, seed=seed, between=between)
                 if one is not None:
                     rows.append((words, test.name, quantity, one))
     return rows

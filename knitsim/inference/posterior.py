@@ -45,6 +45,7 @@ RANGE_OF = {
 RUNS = 5  # taken for a band whose number of runs is unknown
 ROUNDS, STILL = 40, 1e-6
 TRUSTED = 0.7  # k of the weights
+ADAPTED, TAIL = 3, 8.0  # rounds of samples; degrees of freedom of what proposes them
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,24 +256,35 @@ class Posterior:
     def draws(self, count, seed=0, weighted=True):
         """(z (count, inputs), s (count,), k): samples, and the k of their weights (0 without).
 
-        weighted: resampled by the true density over the normal one.
+        weighted: resampled by the true density over that which proposes, a t-distribution, which is moved to
+        the mean and covariance of a first such sample (adaptive importance sampling).
         """
         rng = np.random.default_rng(seed)
-        n = len(self.z)
-        many = 8 * count if weighted and self.blocks else count
-        # Heavier tails than the normal's, so that no weight is without bound.
-        tail = np.sqrt(8.0 / rng.chisquare(8.0, many))[:, None] if self.blocks else 1.0
-        step = rng.standard_normal((many, n + 1)) * tail
-        root = np.linalg.cholesky(self.covariance)
-        width = self._width_s()
-        z, s = self.z + step[:, :n] @ root.T, self.s + width * step[:, n]
-        if many == count:
-            return z, s, 0.0
-        power = -0.5 * (n + 1 + 8.0) * np.log1p((step**2).sum(axis=1) / 8.0)
-        log = -self.minus_log(z, s) - power
-        weight, k = smoothed(log - log.max())
-        chosen = rng.choice(many, count, p=weight)
-        return z[chosen], s[chosen], k
+        middle = np.append(self.z, self.s)
+        covariance = np.diag(np.append(np.zeros(len(self.z)), self._width_s() ** 2))
+        covariance[:-1, :-1] = self.covariance
+        if not (weighted and self.blocks):
+            sample = rng.multivariate_normal(middle, covariance, count, method="cholesky")
+            return sample[:, :-1], sample[:, -1], 0.0
+        for _ in range(ADAPTED):
+            sample, log = self._proposed(rng, 8 * count, middle, covariance)
+            weight, k = smoothed(log - log.max())
+            middle = weight @ sample
+            covariance = (sample - middle).T @ (weight[:, None] * (sample - middle))
+            # What few samples tell must not close a direction.
+            covariance += 1e-6 * np.eye(len(middle))
+        chosen = rng.choice(len(sample), count, p=weight)
+        return sample[chosen, :-1], sample[chosen, -1], k
+
+    def _proposed(self, rng, many, middle, covariance):
+        """Samples (many, inputs + 1) of a t-distribution, heavier in its tails than the normal one so that no
+        weight is without bound, and ln of the density over it."""
+        n = len(middle)
+        tail = np.sqrt(TAIL / rng.chisquare(TAIL, many))[:, None]
+        step = rng.standard_normal((many, n)) * tail
+        sample = middle + step @ np.linalg.cholesky(covariance).T
+        power = -0.5 * (n + TAIL) * np.log1p((step**2).sum(axis=1) / TAIL)
+        return sample, -self.minus_log(sample[:, :-1], sample[:, -1]) - power
 
     def _width_s(self):
         """Standard deviation of s about its most probable value."""

@@ -26,6 +26,7 @@ from knitsim.study.measured_checks import assumed_of, config_of
 from knitsim.study.measured_keys import PARAMETERS, STAGE
 
 SAMPLES = 4000
+SCORED = 1.0 / 15.0  # of the largest predicted force: from there points count, 0.02 N/mm of 0.3
 QUANTITIES = {"strain": "strain", "lateral_strain": "transverse_strain"}
 COVERS = "95 %, all inputs, what the model leaves out, solver and emulator"
 NO_BENDING = "bending is neither fitted nor predicted without free parameters"
@@ -104,7 +105,7 @@ def run(fabric, laws, name, progress=None):
     with timings.measure(f"{name}: inference and prediction"):
         found = infer.learned(solved, start.fitted, entry["use"])
         dataset = _dataset(fabric, found, measured, start.counted, start.at, start.zero, entry)
-        dataset = dataset.merge(_scores(start.built, found, start.judged, choices))
+        dataset = dataset.merge(_scores(start, found, choices))
     failed = solved.failed[: solved.drawn]
     notes = (
         [f"{len(failed)} of {entry['fabrics']} fabrics drawn had no equilibrium"] if failed else []
@@ -253,9 +254,16 @@ def _choices(judged, fitted, use):
     return choices | {"rest alone": ([], ("rest",))}
 
 
-def _scores(built, found, judged, choices):
-    """How each choice of fitted tests predicts the others."""
-    rows = infer.left_out(built, found.emulator, list(judged.values()), choices)
+def _scores(start, found, choices):
+    """How each choice of fitted tests predicts the others, up to the largest force of the prediction."""
+    top = float(start.at[-1])
+    rows = infer.left_out(
+        start.built,
+        found.emulator,
+        list(start.judged.values()),
+        choices,
+        between=(SCORED * top, top),
+    )
     measures = ("inside_50", "inside_95", "rms", "crps", "width_95", "points")
     data = {
         f"score_{m}": ("scored", np.array([getattr(r[3], m) for r in rows], dtype=float))
