@@ -57,11 +57,12 @@ def predict(given):
     name = _calibration(fabric, given.calibration)
     if given.synthetic:
         found = synthetic(fabric, ledger_laws(fabric.yarn), name, given.synthetic, _progress)
-        print(
-            f"{100 * found[0]:.3g} and {100 * found[1]:.3g} % of {found[4]:.0f} points of {found[3]} course "
-            "curves lie in the 50 and 95 % bands predicted from wale curves; median width "
-            f"{100 * found[2]:.3g} % strain"
-        )
+        for words, (half, most, width, curves, points) in found.items():
+            print(
+                f"{curves} course curves, {points:.0f} points, {words}: {100 * half:.3g} and "
+                f"{100 * most:.3g} % in the 50 and 95 % bands predicted from wale curves; median width "
+                f"{100 * width:.3g} % strain"
+            )
         return 0
     if results:
         dataset = _stored(results, given.fabric, name)

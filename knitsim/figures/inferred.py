@@ -12,7 +12,7 @@ from knitsim.units import from_si
 
 _ALPHA = {95: 0.22, 50: 0.45}
 _PRIOR = 0.25
-_ROWS = (("strain", "strain"), ("transverse_strain", "across the pull"))
+_ROWS = (("strain", "strain"), ("transverse_strain", "lateral"))
 
 
 def fig34_prediction_bands(inferred):

@@ -1,7 +1,8 @@
 """Whether bands hold where the truth is known: fabrics with inputs drawn from their distribution.
 
 Each is solved more finely than the inference solves, its wale curve given with chance errors, its course
-curve predicted.  Nothing is left out of the model there, so that bands which allow for that hold more.
+curve predicted.  Both curves differ from the model's by a discrepancy as the inference assumes it; without
+one, nothing is left out of the model, and bands which allow for that hold more than they say.
 """
 
 import math
@@ -11,7 +12,15 @@ import numpy as np
 
 from knitsim.inference.forward import INCREMENT, Forward
 from knitsim.inference.inputs import draws
-from knitsim.inference.posterior import block, fitted, predicted, reading, rest_blocks
+from knitsim.inference.posterior import (
+    DISCREPANCY,
+    block,
+    fitted,
+    predicted,
+    reading,
+    rest_blocks,
+    together,
+)
 from knitsim.inference.scores import Score, score
 
 SEED = 77  # of the fabrics, another one than of those that are solved for an emulator
@@ -47,24 +56,30 @@ def truths(emulating, count, seed=SEED):
         yield Trial(z, row, why)
 
 
-def scored(emulator, trial, number, given="wale", wanted="course", noise=NOISE):
-    """The Trial with the score of its strain at the forces that it reaches, predicted from the ``given``
-    curve with errors of ``noise`` (relative, each by chance) and from its spacings at rest."""
+def scored(emulator, trial, number, left_out=True, noise=NOISE):
+    """The Trial with the score of its course strain at the forces that it reaches, predicted from the wale
+    curve with errors of ``noise`` (relative, each by chance) and from its spacings at rest.
+
+    left_out: with a discrepancy of each curve, else with none.
+    """
     rng = np.random.default_rng((SEED, number))
     places = emulator.places
+    size = float(DISCREPANCY.at(rng.standard_normal())) if left_out else 0.0
 
     def curve(test):
         at = np.array([p.at for p in places if (p.test, p.quantity) == (test, "strain")])
         strain = reading(places, test, "strain", at) @ np.nan_to_num(trial.row)
         known = strain > 0.0
-        return at[known], strain[known]
+        at, strain = at[known], strain[known]
+        off = rng.multivariate_normal(np.zeros(len(at)), together(at))
+        return at, strain * np.exp(size * off)
 
-    at, strain = curve(given)
+    at, strain = curve("wale")
     seen = strain * (1.0 + noise * rng.standard_normal(len(at)))
-    blocks = [block(places, given, "strain", at, seen, noise * seen, correlated=False)]
+    blocks = [block(places, "wale", "strain", at, seen, noise * seen, correlated=False)]
     blocks += rest_blocks(places, *trial.row[:2])
-    at, truth = curve(wanted)
-    samples = predicted(fitted(emulator, blocks), wanted, "strain", at, seed=number)
+    at, truth = curve("course")
+    samples = predicted(fitted(emulator, blocks), "course", "strain", at, seed=number)
     return replace(trial, score=score(samples, truth))
 
 

@@ -78,14 +78,17 @@ class Start:
 
 def synthetic(fabric, laws, name, count, progress=None):
     """Coverage of the course strain of ``count`` fabrics drawn from the distribution of the inputs, each
-    given its wale curve, as :func:`knitsim.inference.synthetic.coverage`."""
+    given its wale curve, {words: :func:`knitsim.inference.synthetic.coverage`}."""
     solved = Start(fabric, laws, name).solved(progress)
-    emulator, trials = solved.emulator(), []
+    emulator, known = solved.emulator(), []
     for k, trial in enumerate(truths(solved.again, count)):
-        trials.append(trial if trial.row is None else scored(emulator, trial, k))
+        known += [] if trial.row is None else [(k, trial)]
         if progress:
             progress(k + 1, count)
-    return coverage(trials)
+    return {
+        words: coverage([scored(emulator, trial, k, left_out) for k, trial in known])
+        for words, left_out in (("with a discrepancy", True), ("without one", False))
+    }
 
 
 def run(fabric, laws, name, progress=None):
