@@ -65,7 +65,7 @@ def test_a_directory_that_is_not_there(tmp_path, command):
 
 def test_help_names_every_command():
     text = parser().format_help()
-    for name in ("new", "check", "run", "show", "fabric", "read"):
+    for name in ("new", "check", "run", "show", "fabric", "predict", "read"):
         assert f"    {name}" in text
     done = subprocess.run(
         [sys.executable, "-m", "knitsim", "read", "--help"],
@@ -74,6 +74,18 @@ def test_help_names_every_command():
         check=True,
     )
     assert "--column" in done.stdout
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (["nothing"], "fabric = nothing: must be one of "),
+    (["cotton"], "cotton.calibrations: needs one without free: {all_inputs: {fit: [your curve]}}"),
+    (["acrylic_jersey", "--calibration", "core"], "calibration = core: must be one of all_inputs"),
+    (["acrylic_jersey", "--results", "none"], "acrylic_jersey/all_inputs.nc: is not there; without"),
+])  # fmt: skip
+def test_a_prediction_that_cannot_be_made_says_why(arguments, words, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    status, _, err = said("predict", *arguments, "--study", str(ROOT / "config"))
+    assert status == 1 and words in err and len(err.splitlines()) == 1
 
 
 # The table at the end of a run

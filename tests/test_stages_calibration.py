@@ -10,11 +10,14 @@ import xarray as xr
 import yaml
 from measured_tools import tension
 
+from knitsim.command.predict import said
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
+from knitsim.figures.inferred import fig34_prediction_bands
 from knitsim.measured.read import measured_test
 from knitsim.stages import calibration as stage
 from knitsim.stages import sensitivity
+from knitsim.stages.calibration_tables import prediction_rows
 from knitsim.stages.equilibrium import settings_of, solver_fabric
 from knitsim.stages.laws import ledger_laws
 from knitsim.store.writer import write
@@ -80,6 +83,20 @@ def fabric(tmp_path_factory):
         "calibrations": {
             "rigidity": {"fit": ["wale"], "free": ["bending_rigidity"]},
             "late": {"fit": ["wale"], "free": ["set"], "on_request": True},
+            "all": {
+                "fit": ["wale"],
+                "fabrics": 40,
+                "on_request": True,
+                "use": ["strain"],
+                "tolerance": {
+                    "bending_rigidity_percent": 60,
+                    "loop_length_percent": 1,
+                    "diameter_percent": 0,
+                    "compression_stiffness_percent": 0,
+                    "set_percent": 0,
+                    "stretch_percent": 0,
+                },
+            },
         },
         "prediction": {"to_force_N_per_mm": TOP / 1e3, "states": 8, "max_curvature_per_cm": 0.5},
     }
@@ -92,9 +109,9 @@ def fabric(tmp_path_factory):
 
 def test_names_and_inputs_of_calibrations(fabric):
     small = fabric[0]
-    assert names_of(small) == [GIVEN, "rigidity", "late"]
+    assert names_of(small) == [GIVEN, "rigidity", "late", "all"]
     assert names_of(small, False) == [GIVEN, "rigidity"]
-    assert names_of(small, True) == ["late"]
+    assert names_of(small, True) == ["late", "all"]
     assert names_of(load_study(CONFIG / "small").fabrics["small"]) == []
     # One calibration does not depend on the others, all on the measured curves.
     assert list(config_of(small, "late")["values"]["calibrations"]) == ["late"]
@@ -112,6 +129,36 @@ def test_forces_and_curvatures_that_are_asked(fabric):
     forces, half = stage.asked_of(plain, measured)
     assert (len(forces), forces[-1]) == (24, pytest.approx(TOP, rel=1e-5))
     assert stage.asked_of(plain, {})[0][-1] == pytest.approx(49.03325)
+
+
+@pytest.mark.slow
+def test_with_all_inputs_uncertain_the_band_holds_the_true_yarn(fabric, tmp_path):
+    small, true, law = fabric
+    found, _ = stage.run(small, {"continuous": law}, "all")
+    path = tmp_path / "all.nc"
+    write(found, path)
+    with xr.open_dataset(path) as opened:
+        dataset = opened.load()
+    assert list(dataset.parameter.values) == ["loop_length", "bending_rigidity", "discrepancy"]
+    one = dataset.sel(parameter="bending_rigidity")
+    low, high = one.fitted_interval.values
+    assert low < TRUTH * small.yarn["bending_rigidity"] < high
+    assert float(one.posterior_over_prior) < 0.9
+    rest = relax(solver_fabric(true, law), settings_of(small).resolution)
+    curve = tensile(rest, "course", np.linspace(0.02, 4.0, 200), to_force=TOP)
+    one = dataset.sel(direction="course")
+    known = np.isfinite(one.predicted_strain.values) & (one.predicted_force_per_width.values > 0.0)
+    at = one.predicted_force_per_width.values[known]
+    strain = np.interp(at, np.append(0, curve.force_per_width), np.append(0, curve.strain))
+    (low, high), (least, most) = (
+        one[name].values[known].T for name in ("predicted_strain_band", "prior_strain_band")
+    )
+    assert known.sum() >= 6 and ((low < strain) & (strain < high)).all()
+    assert (high - low < most - least).mean() > 0.8
+    assert any("course pull: strain" in line for line in said(dataset))
+    told = {row[3]: row[12] for row in prediction_rows("small", "all", dataset)}
+    assert any(name.startswith("next measurement: ") for name in told)
+    fig34_prediction_bands({"all": dataset})
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ COMMANDS = {
     "run": ("run", "compute a study: results, tables, figures and a page"),
     "show": ("show", "what a run has found, as a table"),
     "fabric": ("fabric", "one fabric on the screen"),
+    "predict": ("predict", "what measured curves teach of a fabric and predict, with bands"),
     "read": ("", "show what is recognised in a file of a measured test"),
 }
 

@@ -1,5 +1,7 @@
 """Predictions with all inputs uncertain, beside the measured tests: a figure, a panel a test."""
 
+import json
+
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -10,7 +12,7 @@ from knitsim.units import from_si
 
 _ALPHA = {95: 0.22, 50: 0.45}
 _PRIOR = 0.25
-_ROWS = (("strain", "strain"), ("transverse_strain", "strain across"))
+_ROWS = (("strain", "strain"), ("transverse_strain", "lateral"))
 
 
 def fig34_prediction_bands(inferred):
@@ -28,7 +30,7 @@ def fig34_prediction_bands(inferred):
         for row, (quantity, words) in enumerate(_ROWS):
             _panel(axes[row, column], one, predicted, quantity)
             direction = str(one.curve_direction.values)
-            axes[row, column].set_xlabel(f"{words}, {direction} pull (%)")
+            axes[row, column].set_xlabel(f"{words}, {direction} (%)")
         axes[0, column].set_title(
             f"({panels.LETTERS[column]}) {str(one.curve.values).replace('_', ' ')}, {one.curve_role.values}",
             loc="left", fontsize=7,
@@ -43,8 +45,19 @@ def fig34_prediction_bands(inferred):
         "95 %": Patch(color=style.BLUE, alpha=_ALPHA[95]),
         "95 % before any curve": Patch(color=style.GREY, alpha=_PRIOR),
     }  # fmt: skip
-    panels.legend(fig, handles, ncols=5, note=f"Bands: {dataset.attrs['band_covers']}.")
+    panels.legend(
+        fig, handles, ncols=5, note=f"Bands: {dataset.attrs['band_covers']}. {_decides(dataset)}"
+    )
     return fig
+
+
+def _decides(dataset):
+    """What the predicted strain hangs on most, in words."""
+    said = []
+    for direction, tests in json.loads(dataset.attrs["next_tests"]).items():
+        what, left = next((one for one in tests if "pull" not in one[0]), tests[0])
+        said.append(f"{direction}: {what}, leaves {100 * left:.0f} %")
+    return "Narrows the strain most: " + "; ".join(said) + "."
 
 
 def _panel(ax, one, predicted, quantity):

@@ -1,7 +1,8 @@
 """From measured curves of a fabric to what they teach of its inputs and to predictions whose band holds.
 
->>> # found = infer(fabric, inputs, {"wale": curve}, fit=["wale"])       # minutes: solves some 200 fabrics
->>> # found.posterior.z, predicted(found.posterior, "course", "strain", [100.0, 300.0])
+>>> # solved = Solved(fabric, inputs, forces_of([curve]))                # minutes: some 200 fabrics
+>>> # solved.refine([curve], ("strain", "rest"))
+>>> # predicted(learned(solved, [curve]).posterior, "course", "strain", [100.0, 300.0])
 """
 
 import math
@@ -19,6 +20,7 @@ from knitsim.inference.posterior import (
     Posterior,
     blocks_of,
     error_of,
+    fitted,
     predicted,
     reading,
     rest_blocks,
@@ -27,7 +29,8 @@ from knitsim.inference.posterior import (
 from knitsim.inference.scores import score
 
 FABRICS = 128  # solved for the emulator
-RUBBED, LEAST_RUBBED = 0.3, 30  # part of them solved with friction as well
+RUBBED, LEAST_RUBBED = 0.4, 30  # part of them solved with friction as well
+REFINED, AT_ONCE = 2, 12  # times that fabrics are solved where a fit is, and how many each time
 SEED = 20
 STATES = 14  # forces of a row
 LEAST_FORCE = 0.02  # of the largest: below it no strain is told
@@ -75,41 +78,70 @@ def forces_of(measured, top=None):
     return found
 
 
-def emulated(
-    fabric, inputs, forces, *, count=FABRICS, seed=SEED, resolution=None, pretension=None, progress=None
-):  # fmt: skip
-    """(Emulator, failures) of a fabric from ``count`` solved ones, drawn from their distribution.
+class Solved:
+    """Solved fabrics of which an emulator is made.
 
-    With uncertain friction they are solved without it, and a part of them again with it.  Draws without an
-    equilibrium are left out: the distribution is that of fabrics which can be.
+    count of them are drawn from the distribution of the inputs.  With uncertain friction they are solved
+    without it, and a part of them again with it.  Draws without an equilibrium are left out, with the
+    reasons in ``failed``: the distribution is that of fabrics which can be.
     """
-    names = [i.name for i in inputs]
-    rubs = "friction" in names
-    own = [k for k, name in enumerate(names) if not (rubs and name in RUBBING)]
-    z = draws(inputs, count, seed)
-    base = replace(fabric, friction=0.0) if rubs else fabric
-    plain = Forward(base, [inputs[k] for k in own], forces, resolution, pretension=pretension)
-    again = Forward(fabric, inputs, forces, plain.resolution, pretension=pretension)
-    many = max(math.ceil(RUBBED * count), LEAST_RUBBED) if rubs else 0
-    kept, rows, number, rubbed, failed = [], [], [], [], []
-    for k, one in enumerate(z):
-        row, why = plain.row(one[own])
+
+    def __init__(
+        self, fabric, inputs, forces, *, count=FABRICS, seed=SEED, resolution=None, pretension=None,
+        progress=None,
+    ):  # fmt: skip
+        self.fabric, self.inputs, self.forces = fabric, tuple(inputs), forces
+        names = [i.name for i in inputs]
+        self.rubs = "friction" in names
+        self.own = [k for k, name in enumerate(names) if not (self.rubs and name in RUBBING)]
+        base = replace(fabric, friction=0.0) if self.rubs else fabric
+        self.plain = Forward(
+            base, [inputs[k] for k in self.own], forces, resolution, pretension=pretension
+        )
+        self.again = Forward(fabric, inputs, forces, self.plain.resolution, pretension=pretension)
+        self.kept, self.rows, self.number, self.rubbed, self.failed = [], [], [], [], []
+        many = max(math.ceil(RUBBED * count), LEAST_RUBBED) if self.rubs else 0
+        for k, one in enumerate(draws(inputs, count, seed)):
+            self.add(one, len(self.number) < many)
+            if progress:
+                progress(k + 1, count)
+        if not self.rows:
+            raise ComputationError(
+                f"none of {count} fabrics drawn has an equilibrium: {self.failed[0]}"
+            )
+        self.drawn = len(self.failed)
+
+    def add(self, z, rubbed):
+        """Solve the fabric at z (inputs,), with friction as well if ``rubbed``."""
+        row, why = self.plain.row(z[self.own])
         if row is None:
-            failed.append(why)
-        else:
-            if len(number) < many:
-                more, why = again.row(one)
-                if more is not None:
-                    number.append(len(rows))
-                    rubbed.append(more)
-            kept.append(one)
-            rows.append(row)
-        if progress:
-            progress(k + 1, count)
-    if not rows:
-        raise ComputationError(f"none of {count} fabrics drawn has an equilibrium: {failed[0]}")
-    both = (np.array(number), np.array(rubbed)) if rubs else None
-    return Emulator(inputs, plain.places, np.array(kept), np.array(rows), both), tuple(failed)
+            self.failed.append(why)
+            return
+        if rubbed:
+            more, _ = self.again.row(z)
+            if more is not None:
+                self.number.append(len(self.rows))
+                self.rubbed.append(more)
+        self.kept.append(z)
+        self.rows.append(row)
+
+    def emulator(self):
+        """The Emulator of what is solved by now."""
+        both = (np.array(self.number), np.array(self.rubbed)) if self.rubs else None
+        return Emulator(
+            self.inputs, self.plain.places, np.array(self.kept), np.array(self.rows), both
+        )
+
+    def refine(self, tests, use):
+        """Solve fabrics drawn from what the tests leave, where an emulator of the whole distribution is not
+        good enough."""
+        for number in range(REFINED):
+            emulator = self.emulator()
+            found = fitted(emulator, blocks_for(self.fabric, emulator.places, tests, use))
+            z = found.draws(AT_ONCE, number)[0]
+            z[0] = found.z
+            for one in z:
+                self.add(one, self.rubs)
 
 
 def blocks_for(fabric, places, tests, use=("strain", "rest")):
@@ -125,13 +157,15 @@ def blocks_for(fabric, places, tests, use=("strain", "rest")):
     return [b for b in blocks if len(b.at)]
 
 
-def learned(fabric, emulator, tests, use=("strain", "rest"), forces=None, failed=(), seed=0):
-    """The :class:`Inferred` of measured tests."""
-    posterior = Posterior(emulator, blocks_for(fabric, emulator.places, tests, use))
+def learned(solved, tests, use=("strain", "rest"), seed=0):
+    """The :class:`Inferred` of measured tests; solved: :class:`Solved`."""
+    emulator = solved.emulator()
+    posterior = fitted(emulator, blocks_for(solved.fabric, emulator.places, tests, use))
     k = posterior.draws(1000, seed)[2]
-    solved = emulator.solved
-    prior = Posterior(emulator)
-    return Inferred(emulator.inputs, emulator, prior, posterior, forces, failed, solved, k)
+    return Inferred(
+        emulator.inputs, emulator, Posterior(emulator), posterior, solved.forces, tuple(solved.failed),
+        emulator.solved, k,
+    )  # fmt: skip
 
 
 def table(found, count=4000, seed=0):
@@ -214,19 +248,19 @@ def next_tests(found, target, candidates=(), at=None):
     return sorted(rows, key=lambda row: row[1])
 
 
-def left_out(fabric, emulator, measured, choices, *, count=2000, seed=0):
+def left_out(fabric, emulator, measured, choices, *, count=2000, seed=0, between=(0.0, math.inf)):
     """Scores of tests that were not fitted: rows (fitted, test, quantity, :class:`.scores.Score`).
 
-    measured: [MeasuredTest]; choices: {words: (tests fitted, use)}.
+    measured: [MeasuredTest]; choices: {words: (tests fitted, use)}; between: forces (N/m) of the points.
     """
     rows = []
     for words, (tests, use) in choices.items():
-        posterior = Posterior(emulator, blocks_for(fabric, emulator.places, tests, use))
+        posterior = fitted(emulator, blocks_for(fabric, emulator.places, tests, use))
         for test in measured:
             for quantity in QUANTITIES:
                 if quantity not in test or (test in tests and quantity in use):
                     continue
-                one = scored(posterior, test, quantity, count=count, seed=seed)
+                one = scored(posterior, test, quantity, count=count, seed=seed, between=between)
                 if one is not None:
                     rows.append((words, test.name, quantity, one))
     return rows

@@ -25,19 +25,20 @@ COVERAGE = 2.0  # standard deviations in a tolerance
 FURTHEST = 8.0  # standard deviations beyond which nothing is drawn
 WIDE = 10.0  # ratio of the ends of a range from which it is even in the logarithm
 
-# Tolerances of stated inputs (relative; 1.0 is a factor of 2), and where they are from.
+# Tolerances of stated inputs (relative; 1.0 is a factor of 2), and where they are from; "assumed" is what
+# no source gives a number for.
 TOLERANCES = {
     "loop_length": (0.02, "unravelled yarn must be straightened by a load that also stretches it, EN 14970"),
-    "diameter": (0.10, "a hairy yarn has no sharp edge: optical methods differ by as much"),
-    "bending_rigidity": (0.40, "specimens of one spun yarn scatter by 20 % (one standard deviation)"),
-    "core_diameter": (0.10, "read from the compression of a hairy yarn, as uncertain as its diameter"),
-    "core_stiffness": (1.0, "fitted together with the exponent to a curve that begins at no force"),
-    "core_exponent": (0.30, "fitted together with the stiffness"),
-    "compression_stiffness": (1.0, "specimens of one spun yarn"),
-    "friction": (0.30, "laboratories agree poorly on one yarn, ASTM D3412, 5.1"),
-    "set": (0.30, "hardly ever measured"),
-    "bending_hysteresis": (0.40, "as the bending rigidity"),
-    "stretch": (0.20, "specimens of one yarn"),
+    "diameter": (0.10, "assumed: a hairy yarn has no sharp edge"),
+    "bending_rigidity": (0.40, "assumed: specimens of one spun yarn scatter by 20 %"),
+    "core_diameter": (0.10, "assumed: as uncertain as the diameter of the same hairy yarn"),
+    "core_stiffness": (1.0, "assumed: fitted with the exponent to a compression that begins at no force"),
+    "core_exponent": (0.30, "assumed: fitted with the stiffness"),
+    "compression_stiffness": (1.0, "assumed: the force where yarns first touch is hardly to be read"),
+    "friction": (0.30, "precision between laboratories is known to be poor, ASTM D3412, 5.1; size assumed"),
+    "set": (0.30, "assumed: hardly ever measured"),
+    "bending_hysteresis": (0.40, "assumed: as the bending rigidity"),
+    "stretch": (0.20, "assumed: specimens of one yarn"),
 }  # fmt: skip
 # Ranges of inputs that nobody states, where the study gives none.
 RANGES = {

@@ -3,8 +3,9 @@
 The inputs are a standard normal vector z (:mod:`.inputs`), the model a row y(z) of numbers.  A measured
 test is H y + e + d: H interpolates the row to the measured forces, e is the error of the measurement and d
 what the model leaves out (M. C. Kennedy and A. O'Hagan, J. R. Stat. Soc. B 63 (2001) 425).  e and d are
-normal and correlate along the curve, as exp(-(ln f/f')^2/2).  The size s of d, relative to the strain, is
-itself unknown, and estimated from the misfit together with the inputs:
+normal and correlate along the curve (:func:`together`), half of the variance of e between neighbours only
+by chance: errors that are taken as too smooth let small wiggles of a curve decide about the inputs.  The
+size s of d, relative to the strain, is itself unknown, and estimated from the misfit together with them:
 
     -2 ln p(z, s) = |z|^2 + r' C^-1 r + ln|C| + prior of s,   r = measured - H y(z),  C = E + s^2 D.
 
@@ -34,6 +35,7 @@ MEASURED = 0.03  # relative error of a strain whose file has no band
 LEAST_ERROR = 0.003  # of strain: clamps, markers and the zero of a test
 REST = 0.035  # relative error of a spacing at rest: one specimen differs by 7 % between handlings
 TOGETHER = 1.0  # ln of forces over which errors go together
+ALONE = 0.5  # part of the variance of a measured point that goes with no other
 RANGE_OF = {
     2: 1.128,
     3: 1.693,
@@ -43,6 +45,7 @@ RANGE_OF = {
 RUNS = 5  # taken for a band whose number of runs is unknown
 ROUNDS, STILL = 40, 1e-6
 TRUSTED = 0.7  # k of the weights
+ADAPTED, TAIL = 3, 8.0  # rounds of samples; degrees of freedom of what proposes them
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +85,11 @@ def reading(places, test, quantity, at):
 
 
 def together(at):
-    """Correlation (n, n) of errors at forces ``at`` (N/m)."""
+    """Correlation (n, n) of errors at forces ``at`` (N/m): Matern's of order 3/2, since nothing says that
+    they are smoother than with one derivative."""
     x = np.log(np.asarray(at))
-    return np.exp(-0.5 * ((x[:, None] - x) / TOGETHER) ** 2)
+    apart = math.sqrt(3.0) * np.abs(x[:, None] - x) / TOGETHER
+    return (1.0 + apart) * np.exp(-apart)
 
 
 def block(places, test, quantity, at, values, error, *, strain=None, correlated=True, name=""):
@@ -99,8 +104,8 @@ def block(places, test, quantity, at, values, error, *, strain=None, correlated=
         if not (values > 0).all():
             raise InputError(f"{name or test} {quantity}", values.min(), "must be above 0")
         error, values = error / values, np.log(values)
-    mix = together(at) if correlated else np.eye(len(at))
-    mix = mix + 1e-4 * np.eye(len(at))
+    alone = ALONE if correlated else 1.0
+    mix = (1.0 - alone) * together(at) + alone * np.eye(len(at))
     covariance = np.outer(error, error) * mix
     return Block(
         test, quantity, at, values, reading(places, test, quantity, at), covariance, shape, name
@@ -148,6 +153,15 @@ def rest_blocks(places, wale_spacing, course_spacing, error=REST):
     return [
         block(places, "rest", name, [1.0], [v], error * v, name="rest") for name, v in pairs if v
     ]
+
+
+def fitted(emulator, blocks):
+    """The :class:`Posterior` of blocks, with the errors of an Emulator there where the fit is."""
+    first = Posterior(emulator, blocks)
+    if not first.blocks:
+        return first
+    s = np.full(len(emulator.z), first.s)
+    return Posterior(emulator.near(first.log_likelihood(emulator.z, s)), blocks)
 
 
 class Posterior:
@@ -204,16 +218,19 @@ class Posterior:
     def minus_log(self, z, s):
         """-ln p up to a constant, (n,), for z (n, inputs) and s (n,)."""
         z, s = np.atleast_2d(z), np.atleast_1d(s)
-        total = 0.5 * (z**2).sum(axis=1) + 0.5 * s**2
+        return 0.5 * (z**2).sum(axis=1) + 0.5 * s**2 - self.log_likelihood(z, s)
+
+    def log_likelihood(self, z, s):
+        """ln p of the blocks up to a constant, (n,), for z (n, inputs) and s (n,)."""
         if not self.blocks:
-            return total
+            return np.zeros(len(z))
         off = self.values - self.model.rows(z) @ self.H.T
         size = DISCREPANCY.at(s)[:, None, None]
         covariance = self.error + size**2 * self.shape
         factor = np.linalg.cholesky(covariance)
         r = np.linalg.solve(factor, off[:, :, None])[:, :, 0]
         log = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        return total + 0.5 * (r**2).sum(axis=1) + log
+        return -0.5 * (r**2).sum(axis=1) - log
 
     def _search(self):
         """Gauss-Newton in z with halved steps, the best s in between."""
@@ -239,24 +256,35 @@ class Posterior:
     def draws(self, count, seed=0, weighted=True):
         """(z (count, inputs), s (count,), k): samples, and the k of their weights (0 without).
 
-        weighted: resampled by the true density over the normal one.
+        weighted: resampled by the true density over that which proposes, a t-distribution, which is moved to
+        the mean and covariance of a first such sample (adaptive importance sampling).
         """
         rng = np.random.default_rng(seed)
-        n = len(self.z)
-        many = 8 * count if weighted and self.blocks else count
-        # Heavier tails than the normal's, so that no weight is without bound.
-        tail = np.sqrt(8.0 / rng.chisquare(8.0, many))[:, None] if self.blocks else 1.0
-        step = rng.standard_normal((many, n + 1)) * tail
-        root = np.linalg.cholesky(self.covariance)
-        width = self._width_s()
-        z, s = self.z + step[:, :n] @ root.T, self.s + width * step[:, n]
-        if many == count:
-            return z, s, 0.0
-        power = -0.5 * (n + 1 + 8.0) * np.log1p((step**2).sum(axis=1) / 8.0)
-        log = -self.minus_log(z, s) - power
-        weight, k = smoothed(log - log.max())
-        chosen = rng.choice(many, count, p=weight)
-        return z[chosen], s[chosen], k
+        middle = np.append(self.z, self.s)
+        covariance = np.diag(np.append(np.zeros(len(self.z)), self._width_s() ** 2))
+        covariance[:-1, :-1] = self.covariance
+        if not (weighted and self.blocks):
+            sample = rng.multivariate_normal(middle, covariance, count, method="cholesky")
+            return sample[:, :-1], sample[:, -1], 0.0
+        for _ in range(ADAPTED):
+            sample, log = self._proposed(rng, 8 * count, middle, covariance)
+            weight, k = smoothed(log - log.max())
+            middle = weight @ sample
+            covariance = (sample - middle).T @ (weight[:, None] * (sample - middle))
+            # What few samples tell must not close a direction.
+            covariance += 1e-6 * np.eye(len(middle))
+        chosen = rng.choice(len(sample), count, p=weight)
+        return sample[chosen, :-1], sample[chosen, -1], k
+
+    def _proposed(self, rng, many, middle, covariance):
+        """Samples (many, inputs + 1) of a t-distribution, heavier in its tails than the normal one so that no
+        weight is without bound, and ln of the density over it."""
+        n = len(middle)
+        tail = np.sqrt(TAIL / rng.chisquare(TAIL, many))[:, None]
+        step = rng.standard_normal((many, n)) * tail
+        sample = middle + step @ np.linalg.cholesky(covariance).T
+        power = -0.5 * (n + TAIL) * np.log1p((step**2).sum(axis=1) / TAIL)
+        return sample, -self.minus_log(sample[:, :-1], sample[:, -1]) - power
 
     def _width_s(self):
         """Standard deviation of s about its most probable value."""

@@ -12,14 +12,28 @@ from numpy.typing import NDArray
 from knitsim.errors import InputError
 from knitsim.inference.calibrate import Calibration as Fit
 from knitsim.inference.calibrate import Parameter, Problem, fit
-from knitsim.inference.predict import Predictor
+from knitsim.inference.forward import QUANTITIES
+from knitsim.inference.infer import (
+    FABRICS,
+    Inferred,
+    Solved,
+    forces_of,
+    learned,
+    next_tests,
+    table,
+)
+from knitsim.inference.inputs import inputs_of
+from knitsim.inference.posterior import predicted, reading
+from knitsim.inference.predict import Outcome, Predictor
+from knitsim.inference.predict import Prediction as Predicted
+from knitsim.inference.scores import bands
 from knitsim.library.plots import axes_for
 from knitsim.measured.test import MeasuredTest
-from knitsim.stages.calibration import inside
+from knitsim.stages.calibration import inside, pretensions_of, shifted
 from knitsim.stages.equilibrium import settings_of, solver_fabric
 from knitsim.stages.laws import calibration_of, laws_of
 from knitsim.study.check import check_section
-from knitsim.study.measured_checks import free_parameter, meaningless
+from knitsim.study.measured_checks import assumed_of, free_parameter, meaningless
 from knitsim.study.measured_keys import CALIBRATIONS, PARAMETERS, key_name
 from knitsim.study.resolve import Resolver
 from knitsim.study.study import Fabric
@@ -59,6 +73,35 @@ class Calibration:
         ]
         told_of = "".join(f"; {one.partition(': ')[0]}" for one in self.fit.warnings)
         return f"<Calibration: {', '.join(told)}; misfit {100 * self.fit.misfit:.2g} %{told_of}>"
+
+
+class Learned:
+    """What measured curves teach of a fabric of which every input is uncertain; made by
+    :func:`knitsim.calibrate` without ``free``.
+
+    fabric: as it was given; found: :class:`knitsim.inference.infer.Inferred`.
+    """
+
+    def __init__(self, fabric: Fabric, found: Inferred) -> None:
+        self.fabric, self.found = fabric, found
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """One row an input: 95 % before and after (SI), the part of its deviation that is left, in words."""
+        columns = ["input", "kind", "prior_low", "prior_median", "prior_high", "low", "median", "high",
+                   "narrowed", "says"]  # fmt: skip
+        return pd.DataFrame(table(self.found), columns=columns)
+
+    def next_tests(self, direction: str) -> pd.DataFrame:
+        """Which further measurement narrows the strain predicted along ``direction`` most, best first."""
+        others = [(test, quantity) for test in ("course", "wale") for quantity in QUANTITIES]
+        rows = next_tests(self.found, direction, others)
+        return pd.DataFrame(rows, columns=["measurement", "deviation_after_over_before"])
+
+    def __repr__(self) -> str:
+        told = [
+            f"{one.input} {100 * one.narrowed:.0f} %" for one in self.to_dataframe().itertuples()
+        ]
+        return f"<Learned, deviation left: {', '.join(told)}>"
 
 
 class Prediction:
@@ -134,8 +177,8 @@ def calibrate(
     fabric: Fabric, curves: MeasuredTest | Sequence[MeasuredTest],
     free: str | Sequence[str] = ("bending_rigidity",), *,
     bounds: Mapping[str, Sequence[float]] | None = None, residual: str = "strain", misfit: str = "relative",
-    profile: bool = True,
-) -> Calibration:  # fmt: skip
+    profile: bool = True, fabrics: int = FABRICS,
+) -> Calibration | Learned:  # fmt: skip
     """Find inputs of the fabric from measured curves, by least squares between bounds.
 
     curves: what :func:`knitsim.read_measured` read, one or several, each with a direction.  free: name of
@@ -143,6 +186,9 @@ def calibrate(
     ``{"bending_rigidity_N_mm2": [0.001, 0.01]}``, else the plausible range or half to twice the value.
     residual: "strain" at given force or "force"; misfit: "relative", "absolute" or "band".  profile: also
     follow the misfit along each parameter.  Keys of ``calibrations``.
+
+    Without a name in ``free`` every input is as uncertain as the fabric says, and the curves (of tension)
+    narrow them: :class:`Learned`, for which ``fabrics`` are solved, minutes.
 
     Raises InputError, or :class:`knitsim.errors.ComputationError` where no fabric within the bounds reaches
     the measured points.
@@ -159,6 +205,8 @@ def calibrate(
         raise InputError(
             "calibrate.curves", repr(curves)[:60], "must be one or more measured tests"
         )
+    if not free:
+        return _learned(fabric, curves, fabrics)
     stated: dict[str, Any] = {
         "fit": [one.name for one in curves],
         "free": free,
@@ -187,14 +235,32 @@ def calibrate(
     return Calibration(fabric, fit(problem, profile=profile))
 
 
+def _learned(fabric: Fabric, curves: Sequence[MeasuredTest], fabrics: int) -> Learned:
+    if any(one.kind != "tension" for one in curves):
+        raise InputError(
+            f"{KIND}.curves", "bending", "must be of tension, where no parameter is free"
+        )
+    built = _solver(fabric)
+    zero = pretensions_of({str(k): one for k, one in enumerate(curves)})
+    counted = [shifted(one.to_fit(), zero.get(one.direction, 0.0)) for one in curves]
+    forces = forces_of(counted)
+    found = inputs_of(built, assumed=assumed_of(fabric))
+    solved = Solved(built, found, forces, count=fabrics, pretension=zero)
+    use = ("strain", "rest")
+    solved.refine(counted, use)
+    return Learned(fabric, learned(solved, counted, use))
+
+
 def predict(
-    source: Calibration | Fabric, direction: str, *, to_N_per_mm: float | None = None,
+    source: Calibration | Learned | Fabric, direction: str, *, to_N_per_mm: float | None = None,
     to_per_cm: float | None = None, states: int = 24,
 ) -> Prediction:  # fmt: skip
     """Predict a tension test to ``to_N_per_mm``, or first bending to ``to_per_cm``, with a band.
 
     source: a :class:`knitsim.library.inference.Calibration`, whose 95 % interval and numerical error make
-    the band, or a fabric, all inputs as given, where the band is the numerical error alone.
+    the band; or :class:`Learned`, where it holds 95 % of what all inputs and what the model leaves out
+    allow, of tension up to the largest measured force; or a fabric, all inputs as given, where it is the
+    numerical error alone.
 
     >>> import knitsim as ks
     >>> fabric = ks.Fabric(ks.Yarn(count_tex=20, bending_rigidity_N_mm2=2e-3), loop_length_mm=2.9)
@@ -212,6 +278,12 @@ def predict(
     largest = to_N_per_mm if to_per_cm is None else abs(to_per_cm)
     if not (isinstance(largest, (int, float)) and 0.0 < largest < float("inf")):
         raise InputError("predict", largest, "must be finite and above 0")
+    if isinstance(source, Learned):
+        if to_N_per_mm is None:
+            raise InputError(
+                "predict.to_per_cm", to_per_cm, "needs a calibration with free parameters"
+            )
+        return _banded(source, direction, states, to_si(to_N_per_mm, "N_per_mm"))
     if isinstance(source, Calibration):
         predictor = Predictor(calibration=source.fit)
     elif isinstance(source, Fabric):
@@ -230,3 +302,19 @@ def predict(
     return Prediction(
         direction, "curvature", "moment_change", predictor.bending(direction, curvatures)
     )
+
+
+def _banded(source: Learned, direction: str, states: int, top: float) -> Prediction:
+    found = source.found
+    at = top * np.arange(1, states + 1) / states
+    own = found.forces[direction]
+    at = at[at >= own[0] * (1.0 - 1e-9)]
+    samples = predicted(found.posterior, direction, "strain", at)
+    both, middle = bands(samples)
+    model = found.posterior.model
+    read = reading(model.places, direction, "strain", at)
+    # Told by its logarithm.
+    error = middle * np.sqrt(np.diag(read @ model.covariance @ read.T))
+    low, high = both[95]
+    one = Predicted(middle, low, high, error)
+    return Prediction(direction, "force_per_width", "strain", Outcome(at, {"strain": one}, ()))

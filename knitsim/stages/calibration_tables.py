@@ -68,7 +68,9 @@ def calibration_rows(fabric, name, dataset):
             fabric, name, parameter, _number(one.fitted_value), str(one.parameter_units.values),
             _number(low), _number(high), _number(one.start_value),
             *map(_number, one.parameter_bound.values), other, _number(value), "; ".join(fitted),
-            "", "", "", _of_parameter(float(one.fitted_value), low, high, one.parameter_bound.values),
+            "", "", "", _of_parameter(float(one.fitted_value), low, high, one.parameter_bound.values)
+            if "posterior_over_prior" not in one
+            else f"{100.0 * float(one.posterior_over_prior):.3g} % of its deviation is left",
         ))  # fmt: skip
     says = [f"{c}: {grade(float(m.misfit_rms), float(m.misfit_mean))}" for c, m in _curves(dataset)
             if c in fitted]  # fmt: skip
@@ -134,6 +136,29 @@ def prediction_rows(fabric, name, dataset):
             fabric, name, f"tension {direction}", what, f"{at:.6g} N/m", _number(value),
             _number(low), _number(high), band, "1", _number(measured), _number(misfit), says,
         ))  # fmt: skip
+    return rows + _judged(fabric, name, dataset)
+
+
+def _judged(fabric, name, dataset):
+    """Rows of how tests that were left out were predicted, where all inputs are uncertain, and of the
+    measurements that would narrow a prediction most."""
+    rows = []
+    for k in range(dataset.sizes.get("scored", 0)):
+        one = dataset.isel(scored=k)
+        rows.append((
+            fabric, name, f"{one.scored_test.values} {one.scored_quantity.values}",
+            f"CRPS from {one.scored_fitted.values}", "all points", _number(float(one.score_crps)), "", "", "",
+            "1", "", _number(float(one.score_rms)),
+            f"{100 * float(one.score_inside_50):.0f} and {100 * float(one.score_inside_95):.0f} % of "
+            f"{int(one.score_points)} points in the 50 and 95 % bands, {100 * float(one.score_rms):.3g} "
+            "% off (rms)",
+        ))  # fmt: skip
+    for direction, tests in json.loads(dataset.attrs.get("next_tests", "{}")).items():
+        for what, left in tests:
+            rows.append((
+                fabric, name, f"tension {direction}", f"next measurement: {what}", "", _number(left), "", "",
+                "", "1", "", "", f"leaves {100 * left:.3g} % of the deviation of the predicted strain",
+            ))  # fmt: skip
     return rows
 
 

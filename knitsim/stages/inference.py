@@ -8,6 +8,7 @@ from knitsim.inference.emulator import untold
 from knitsim.inference.inputs import inputs_of
 from knitsim.inference.posterior import DISCREPANCY, TRUSTED, predicted
 from knitsim.inference.scores import bands
+from knitsim.inference.synthetic import coverage, scored, truths
 from knitsim.measured.read import measured_test
 from knitsim.stages.calibration import (
     DIRECTIONS,
@@ -25,6 +26,7 @@ from knitsim.study.measured_checks import assumed_of, config_of
 from knitsim.study.measured_keys import PARAMETERS, STAGE
 
 SAMPLES = 4000
+SCORED = 1.0 / 15.0  # of the largest predicted force: from there points count, 0.02 N/mm of 0.3
 QUANTITIES = {"strain": "strain", "lateral_strain": "transverse_strain"}
 COVERS = "95 %, all inputs, what the model leaves out, solver and emulator"
 NO_BENDING = "bending is neither fitted nor predicted without free parameters"
@@ -40,42 +42,82 @@ def inputs_for(fabric, built, name):
     return inputs_of(built, *stated, assumed_of(fabric))
 
 
+class Start:
+    """What the calibration ``name`` of a FabricInput begins with; laws: TensionLaw of its yarn by form.
+
+    at (n,) N/m: forces of the prediction; zero: {direction: pretension (N/m)}; measured, records: of all
+    tests; counted: those of tension, strain from there; fitted: some of them; judged: one a direction.
+    """
+
+    def __init__(self, fabric, laws, name):
+        self.fabric, self.entry = fabric, fabric["calibrations"][name]
+        measured = {key: measured_test(fabric, key) for key in fabric["measured"]}
+        self.records = {key: test.record() for key, test in measured.items()}
+        self.at, _ = asked_of(fabric, measured)
+        self.measured = {k: m.to_fit() if m.kind == "tension" else m for k, m in measured.items()}
+        self.zero = pretensions_of(self.measured)
+        self.built = solver_fabric(fabric, laws["continuous"], friction=True)
+        self.inputs = inputs_for(fabric, self.built, name)
+        self.counted = {
+            key: shifted(m, self.zero.get(m.direction, 0.0))
+            for key, m in self.measured.items()
+            if m.kind == "tension"
+        }
+        self.forces = infer.forces_of(self.counted.values(), float(self.at[-1]))
+        self.fitted = [self.counted[key] for key in self.entry["fit"] if key in self.counted]
+        self.judged = _judged(self.counted, self.entry)
+
+    def solved(self, progress=None):
+        """The :class:`knitsim.inference.infer.Solved`, drawn from the distribution of the inputs."""
+        stated = self.fabric.scene["equilibrium_rest"]["points"]
+        return infer.Solved(
+            self.built, self.inputs, self.forces, count=self.entry["fabrics"], pretension=self.zero,
+            progress=progress, resolution=settings_of(self.fabric).resolution if stated else None,
+        )  # fmt: skip
+
+
+def synthetic(fabric, laws, name, count, progress=None):
+    """Coverage of the course strain of ``count`` fabrics drawn from the distribution of the inputs, each
+    given its wale curve, {words: :func:`knitsim.inference.synthetic.coverage`}."""
+    solved = Start(fabric, laws, name).solved(progress)
+    emulator, known = solved.emulator(), []
+    for k, trial in enumerate(truths(solved.again, count)):
+        known += [] if trial.row is None else [(k, trial)]
+        if progress:
+            progress(k + 1, count)
+    return {
+        words: coverage([scored(emulator, trial, k, left_out) for k, trial in known])
+        for words, left_out in (("with a discrepancy", True), ("without one", False))
+    }
+
+
 def run(fabric, laws, name, progress=None):
     """(dataset, timings) of the calibration ``name``, without free parameters, of a FabricInput.
 
     laws: TensionLaw of its yarn by form; progress: called with (fabrics solved, of how many).
     """
-    timings, entry = Timings(STAGE, fabric.name), fabric["calibrations"][name]
-    measured = {key: measured_test(fabric, key) for key in fabric["measured"]}
-    records = {key: test.record() for key, test in measured.items()}
-    at, _ = asked_of(fabric, measured)
-    measured = {key: m.to_fit() if m.kind == "tension" else m for key, m in measured.items()}
-    zero = pretensions_of(measured)
-    built = solver_fabric(fabric, laws["continuous"], friction=True)
-    inputs = inputs_for(fabric, built, name)
-    counted = {
-        key: shifted(m, zero.get(m.direction, 0.0))
-        for key, m in measured.items()
-        if m.kind == "tension"
-    }
-    forces = infer.forces_of(counted.values(), float(at[-1]))
+    timings, start = Timings(STAGE, fabric.name), Start(fabric, laws, name)
+    entry, measured = start.entry, start.measured
+    choices = _choices(start.judged, start.fitted, entry["use"])
     with timings.measure(f"{name}: {entry['fabrics']} fabrics solved"):
-        emulator, failed = infer.emulated(
-            built, inputs, forces, count=entry["fabrics"], pretension=zero, progress=progress,
-            resolution=settings_of(fabric).resolution if fabric.scene["equilibrium_rest"]["points"] else None,
-        )  # fmt: skip
+        solved = start.solved(progress)
+    with timings.measure(f"{name}: fabrics solved where fits are"):
+        for tests, use in choices.values():
+            if tests:
+                solved.refine(tests, use)
     with timings.measure(f"{name}: inference and prediction"):
-        fitted = [counted[key] for key in entry["fit"] if key in counted]
-        found = infer.learned(built, emulator, fitted, entry["use"], forces, failed)
-        dataset = _dataset(fabric, found, measured, counted, at, zero, entry)
-        dataset = dataset.merge(_scores(built, found, counted, entry))
+        found = infer.learned(solved, start.fitted, entry["use"])
+        dataset = _dataset(fabric, found, measured, start.counted, start.at, start.zero, entry)
+        dataset = dataset.merge(_scores(start, found, choices))
+    failed = solved.failed[: solved.drawn]
     notes = (
         [f"{len(failed)} of {entry['fabrics']} fabrics drawn had no equilibrium"] if failed else []
     )
     notes += [NO_BENDING] if any(m.kind == "bending" for m in measured.values()) else []
     dataset.attrs |= {
         "band_covers": COVERS, "warnings": to_json(_warnings(found)), "notes": to_json(notes),
-        "measured_tests": to_json(records), "inputs_from": to_json({i.name: i.why for i in found.inputs}),
+        "measured_tests": to_json(start.records),
+        "inputs_from": to_json({i.name: i.why for i in found.inputs}),
         "next_tests": to_json(_next(found)), "combinations": to_json(infer.combinations(found)),
     }  # fmt: skip
     describe_stage(
@@ -192,16 +234,39 @@ def _at_points(found, test):
     return middle
 
 
-def _scores(built, found, counted, entry):
-    """How each choice of fitted tests predicts the others: leave one test out."""
-    tests = list(counted.values())
-    across = [t for t in tests if "lateral_strain" in t]
-    choices = {"fitted here": ([counted[k] for k in entry["fit"] if k in counted], entry["use"])}
-    choices |= {name: ([test], ("strain", "rest")) for name, test in counted.items()}
+def _judged(counted, entry):
+    """One test of each direction, {name: MeasuredTest}: a fitted one, else one with lateral strain."""
+    found = {}
+    for key, test in sorted(
+        counted.items(),
+        key=lambda one: (one[0] not in entry["fit"], "lateral_strain" not in one[1]),
+    ):
+        found.setdefault(test.direction, (key, test))
+    return dict(found.values())
+
+
+def _choices(judged, fitted, use):
+    """{words: (tests, use)} from which the other tests are predicted: leave one test out."""
+    across = [t for t in judged.values() if "lateral_strain" in t]
+    choices = {"fitted here": (fitted, use)}
+    choices |= {
+        name: ([test], ("strain", "rest")) for name, test in judged.items() if [test] != fitted
+    }
     if across:
         choices["all lateral strains"] = across, ("lateral_strain", "rest")
-    choices["rest alone"] = [], ("rest",)
-    rows = infer.left_out(built, found.emulator, tests, choices)
+    return choices | {"rest alone": ([], ("rest",))}
+
+
+def _scores(start, found, choices):
+    """How each choice of fitted tests predicts the others, up to the largest force of the prediction."""
+    top = float(start.at[-1])
+    rows = infer.left_out(
+        start.built,
+        found.emulator,
+        list(start.judged.values()),
+        choices,
+        between=(SCORED * top, top),
+    )
     measures = ("inside_50", "inside_95", "rms", "crps", "width_95", "points")
     data = {
         f"score_{m}": ("scored", np.array([getattr(r[3], m) for r in rows], dtype=float))
