@@ -13,7 +13,7 @@ from knitsim.equilibrium.kernels.pairs import pairs_at
 from knitsim.equilibrium.model import build_model, carried
 from knitsim.equilibrium.pattern import Pattern
 from knitsim.equilibrium.pull import tensile
-from knitsim.equilibrium.relax import relax, settle
+from knitsim.equilibrium.relax import relax, settle, start_from
 from knitsim.errors import InputError
 from knitsim.yarn.law import paper_k3
 
@@ -125,6 +125,23 @@ def test_what_symmetry_skips_is_there_in_the_full_cell(rest, pattern):
     assert energy == pytest.approx(state.energy.sum(), rel=1e-5)
     # Nothing falls from there: the state is stable, or as good as.
     assert lowest_mode(full, y)[0] > -1e-8
+
+
+@pytest.mark.parametrize(
+    "pattern", ["garter", "rib_1x1", "rib_2x2", "seed", "double_seed", "kkp/kpk"]
+)
+def test_images_reach_as_far_with_symmetry_as_without(pattern):
+    """Loops pushed into each other, so that wales far apart touch: the energy of the whole cell."""
+    fabric = Fabric(**COTTON, pattern=pattern)
+    one, full = build_model(fabric), build_model(fabric, kept="none", sparse=False)
+    y = start_from(one, 0.3e-3, 0.3e-3, 1.5e-3, 1.0e-3)
+    y[one.lattice : one.lattice + 4] *= 0.6
+    terms = []
+    for model, at in ((one, y), (full, carried(full, one, y))):
+        work = new_work(model.scene)
+        energy_of(model.scene, at, pairs_at(model.scene, at, 0.0, work), (), np.int64(0), work)
+        terms.append(work.terms[2] / model.loops)
+    assert terms[0] == pytest.approx(terms[1], rel=1e-9)
 
 
 def test_a_rib_folds_and_jersey_does_not(rest):

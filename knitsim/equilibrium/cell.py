@@ -378,8 +378,10 @@ def images_of(pattern, wales, courses, symmetries):
     reach = reach_of(pattern)
     found = []
     for one in symmetries:
-        wide = _periods(one.along, wales, reach[0])
-        high = _periods(one.up, courses, reach[1])
+        # A mirror carries a place to where its own and the image's coordinate add up to the step.
+        mirrored = [not pattern.uniform and one.sign[axis] < 0 for axis in (0, 1)]
+        wide = _periods(one.along, wales, reach[0], 2 * wales * mirrored[0])
+        high = _periods(one.up, courses, reach[1], 2 * courses * mirrored[1])
         found += [(one, one.along + a, one.up + b) for b in high for a in wide]
     sign = np.array([one.sign for one, *_ in found], dtype=float)
     steps = np.array([[along, up] for _, along, up in found], dtype=float)
@@ -394,11 +396,13 @@ def images_of(pattern, wales, courses, symmetries):
     )  # fmt: skip
 
 
-def _periods(offset, period, reach):
-    """Whole periods for which offset + periods lies within the reach (half a loop more for halves)."""
+def _periods(offset, period, reach, further):
+    """Whole periods for which offset + periods lies within the reach (half a loop more for halves), or up to
+    so much further.
+    """
     reach = max(reach, period) + offset % 1
-    least, most = math.ceil((-reach - offset) / period), math.floor((reach - offset) / period)
-    return [period * n for n in range(least, most + 1)]
+    least = math.ceil((-reach - offset) / period)
+    return [period * n for n in range(least, math.floor((reach + further - offset) / period) + 1)]
 
 
 def trace_of(cell, touch):

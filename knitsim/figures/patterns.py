@@ -17,8 +17,8 @@ DIRECTIONS = ("course", "wale")
 PULLED = 0.5  # strain at which fabrics are shown under tension
 CAPTIONS = {
     "fig40_patterns_at_rest": "Fabrics of one yarn at rest, from the technical face, from the back, along the"
-    " wale and along the course, to one scale. In rib the purl wales fold behind the knit ones, in garter"
-    " the courses lie on top of each other.",
+    " wale and along the course (the side), to one scale. In rib the purl wales fold behind the knit ones,"
+    " in garter the courses lie on top of each other.",
     "fig41_patterns_pulled": "The same fabrics pulled along the course and along the wale.",
     "fig42_patterns_curves": "Force per width against strain of the four patterns in the equilibrium model,"
     " with the values calibrated on the curves of the jersey alone. Bands: 95 % of the fit, and the"
@@ -42,9 +42,9 @@ def _drawn(ax, state, view, reach, yarns, shift):
 
 def fig40_patterns_at_rest(rest):
     """rest: datasets of fabrics at rest."""
-    fig = style.page(height_mm=42.0 * len(rest))
+    fig = style.page(height_mm=48.0 * len(rest))
     panels.heading(fig, "four patterns of one yarn at rest", 40)
-    axes = fig.subplots(len(rest), 4, squeeze=False, width_ratios=[1.0, 1.0, 1.0, 0.8])
+    axes = fig.subplots(len(rest), 4, squeeze=False, width_ratios=[1.0, 1.0, 1.0, 0.9])
     wide = 1.6 * max(float(one.wale_spacing) for one in rest)
     high = 1.9 * max(float(one.course_spacing) for one in rest)
     deep = 0.62 * max(float(one.thickness) for one in rest)
@@ -58,17 +58,18 @@ def fig40_patterns_at_rest(rest):
         for ax, view, reach, name in zip(
             row, ("face", "back", _END, _SIDE),
             ((wide, high), (wide, high), (wide, deep), (deep, high)),
-            ("face", "back", "along the wale", "along the course"), strict=True,
+            ("face", "back", "along the wale", "the side"), strict=True,
         ):  # fmt: skip
             _drawn(ax, state, view, reach, yarns, shift)
-            panels.letter(ax, next(letters), f"{_title(state)}, {name}")
+            panels.letter(ax, next(letters), f"{_title(state)}, {name}" if ax is row[0] else name)
         w, c, t = (
             from_si(float(state[n]), "mm") for n in ("wale_spacing", "course_spacing", "thickness")
         )
         mass = 1e3 * float(state.areal_mass)
-        row[0].set_xlabel(
-            f"w {w:.2f} mm, c {c:.2f} mm, thickness {t:.2f} mm, {mass:.0f} g/m$^2$", fontsize=6.5
-        )
+        # Below the flattest picture there is room.
+        told = f"w {w:.2f} mm, c {c:.2f} mm\nthickness {t:.2f} mm, {mass:.0f} g/m$^2$"
+        row[2].set_xlabel(f"{row[2].get_xlabel()}\n{told}", fontsize=7)
+        row[1].set_xlabel("from the back (mm)")
         for ax in row[1:3]:
             ax.set_ylabel("")
     return fig
