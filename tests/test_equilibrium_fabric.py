@@ -7,7 +7,8 @@ from knitsim.equilibrium.contact import BarrierContact, CoreContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.model import build_model, centreline
 from knitsim.equilibrium.pull import biaxial, shear, tensile
-from knitsim.equilibrium.relax import is_intact, relax, start_from, without
+from knitsim.equilibrium.relax import is_intact, relax, without
+from knitsim.equilibrium.start import start_from
 from knitsim.errors import ComputationError, InputError
 from knitsim.loop.lattice import smallest_distance
 from knitsim.verification.trials.table import CAMPAIGNS

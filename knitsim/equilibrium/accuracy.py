@@ -4,10 +4,10 @@ A test is solved on one rung of a ladder of resolutions and on the next.  What c
 other tells the error of the finer: that of the control points falls with the 6th to 7th power of their
 number, that of the contact points with the 4th (measured), so that from a rung to the next the error falls
 more than threefold and the finer lacks less than half of the change; LACKING of it is said.  Below SETTLED
-control points this is not yet so, nor with friction, where contact points stick or slide one by one: the change itself is
-taken.  What is left wavers along the test; at each state the largest change of its neighbourhood stands.
-With friction the test is also solved, on the coarser rung, in steps twice as long; the law is stepped
-implicitly, and its error falls at least in proportion to the step.
+control points this is not yet so, nor with friction, where contact points stick or slide one by one: the
+change itself is taken.  What is left wavers along the test; at each state the largest change of its
+neighbourhood stands.  With friction the test is also solved, on the coarser rung, in steps twice as long;
+the law is stepped implicitly, and its error falls at least in proportion to the step.
 
 Where an accuracy is asked for, rungs are climbed and steps halved until the estimate is met.
 """

@@ -10,8 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from knitsim.equilibrium import spline
-from knitsim.equilibrium.cell import KEPT, pack
+from knitsim.equilibrium.cell import KEPT
 from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.fold import folded, overlooked
 from knitsim.equilibrium.kernels.accept import CROSSINGS_LOST, NOT_SETTLED, RAN_AWAY, TOO_CLOSE
@@ -27,7 +26,7 @@ from knitsim.equilibrium.model import (
     with_set,
 )
 from knitsim.equilibrium.solve import gradient_at, is_plain, is_stable, minimise
-from knitsim.equilibrium.start import starting_loops
+from knitsim.equilibrium.start import start_from
 from knitsim.errors import ComputationError, InputError
 from knitsim.loop.lattice import crossings_intact
 
@@ -394,26 +393,6 @@ def _starting_shapes(model, wale_spacing, course_spacing, reasons):
             yield y
         else:
             reasons.append("start not interlooped")
-
-
-def start_from(model, overlap, thick, wale_spacing=None, course_spacing=None):
-    """Unknowns of a start (see :mod:`.start`) at these spacings (m), the stated ones where None."""
-    fabric, cell = model.fabric, model.cell
-    w = fabric.wale_spacing if wale_spacing is None else wale_spacing
-    c = fabric.course_spacing if course_spacing is None else course_spacing
-    loops = starting_loops(
-        fabric.pattern, w, c, fabric.lengths(fabric.pattern.courses), overlap, thick, cell.points
-    )
-    control = np.array(
-        [spline.interpolate_periodic(own, [fabric.pattern.wales * w, 0.0, 0.0]) for own in loops]
-    )
-    control[:, :, 2] -= control[:, :, 2].mean()
-    wide, high = cell.wales // fabric.pattern.wales, cell.courses // fabric.pattern.courses
-    step = np.array([fabric.pattern.wales * w, 0.0, 0.0])
-    rise = np.array([0.0, fabric.pattern.courses * c, 0.0])
-    control = np.concatenate([control + i * step for i in range(wide)], axis=1)
-    control = np.concatenate([control + j * rise for j in range(high)], axis=0)
-    return pack(cell, control, [w, 0.0, 0.0, c])
 
 
 def _grow(model, y, free):

@@ -14,6 +14,8 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
+from knitsim.equilibrium import spline
+from knitsim.equilibrium.cell import pack
 from knitsim.errors import ComputationError
 
 THROUGH = (
@@ -113,3 +115,23 @@ def _thickness(pattern, wale, course, t, thick):
     low = 0.5 * (own + beside) + share * (own - 0.5 * (own + beside))
     profile = np.where(t <= 0.5, low, above)
     return -0.5 * thick * profile * (1.0 + np.cos(2.0 * np.pi * t))
+
+
+def start_from(model, overlap, thick, wale_spacing=None, course_spacing=None):
+    """Unknowns of a start at these spacings (m), the stated ones where None."""
+    fabric, cell = model.fabric, model.cell
+    w = fabric.wale_spacing if wale_spacing is None else wale_spacing
+    c = fabric.course_spacing if course_spacing is None else course_spacing
+    loops = starting_loops(
+        fabric.pattern, w, c, fabric.lengths(fabric.pattern.courses), overlap, thick, cell.points
+    )
+    control = np.array(
+        [spline.interpolate_periodic(own, [fabric.pattern.wales * w, 0.0, 0.0]) for own in loops]
+    )
+    control[:, :, 2] -= control[:, :, 2].mean()
+    wide, high = cell.wales // fabric.pattern.wales, cell.courses // fabric.pattern.courses
+    step = np.array([fabric.pattern.wales * w, 0.0, 0.0])
+    rise = np.array([0.0, fabric.pattern.courses * c, 0.0])
+    control = np.concatenate([control + i * step for i in range(wide)], axis=1)
+    control = np.concatenate([control + j * rise for j in range(high)], axis=0)
+    return pack(cell, control, [w, 0.0, 0.0, c])
