@@ -363,6 +363,29 @@ def test_calibration_finds_what_made_the_curve(tmp_path):
 
 
 @pytest.mark.slow
+def test_without_a_free_parameter_every_input_is_uncertain(tmp_path):
+    fabric = ks.Fabric(
+        ks.Yarn(count_tex=20, bending_rigidity_N_mm2=2e-3, friction=0.0), loop_length_mm=2.9
+    )
+    made = ks.pull(fabric.with_value("yarn.bending_rigidity_N_mm2", 2.4e-3), "course", to_strain=0.4,
+                   states=12)  # fmt: skip
+    path = tmp_path / "course.csv"
+    rows = [f"{e},{f / 1000}" for e, f in zip(made.strain, made.force_per_width, strict=True)]
+    path.write_text("\n".join(["strain,force_N_per_mm", *rows]))
+    found = ks.calibrate(fabric, ks.read_measured(path, direction="course"), (), fabrics=40)
+    told = found.to_dataframe().set_index("input")
+    assert (told["low"] < told["high"]).all() and told["narrowed"]["bending_rigidity"] < 0.9
+    assert found.next_tests("wale")["deviation_after_over_before"].is_monotonic_increasing
+    predicted = ks.predict(found, "wale", to_N_per_mm=0.02, states=4)
+    truth = ks.pull(made.rest, "wale", to_strain=0.2, states=40)
+    at = np.interp(predicted["force_per_width"], truth.force_per_width, truth.strain)
+    assert ((predicted["low"] < at) & (at < predicted["high"])).all()
+    assert "\n" not in repr(found) + repr(predicted)
+    with pytest.raises(InputError, match="needs a calibration with free parameters"):
+        ks.predict(found, "wale", to_per_cm=1.0)
+
+
+@pytest.mark.slow
 def test_types_are_checked():
     pytest.importorskip("mypy")
     done = subprocess.run(
