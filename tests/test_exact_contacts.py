@@ -171,6 +171,7 @@ def brute_force_wrap(turn, nodes, h, rigidity=0.3):
     return force
 
 
+@pytest.mark.slow
 def test_line_contact_against_constrained_minimisation():
     """Pressure, point forces and lift-off of the polygon converge at second order."""
     turn, errors = 2.6, []

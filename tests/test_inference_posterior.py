@@ -95,6 +95,7 @@ def linear(slopes, inputs=3, noise=0.0, count=60):
     return Emulator(own, places, z, 0.3 * np.exp(z @ slopes.T + off))
 
 
+@pytest.mark.slow
 def test_an_emulator_knows_a_smooth_function_and_its_own_error_elsewhere():
     rng = np.random.default_rng(2)
     slopes = 0.1 * rng.normal(size=(16, 3))

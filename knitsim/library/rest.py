@@ -105,7 +105,7 @@ def relax(
     >>> yarn = ks.Yarn(count_tex=19.7, bending_rigidity_N_mm2=2e-3)
     >>> rest = ks.relax(ks.Fabric(yarn, wales_per_cm=14, courses_per_cm=20, loop_length_mm=2.9))
     >>> rest
-    <Rest: 0.750 x 0.543 mm, 13.3 wales and 18.4 courses per cm, kc 5.34, kw 3.87, error 0.0006 %>
+    <Rest: 0.750 x 0.543 mm, 13.3 wales and 18.4 courses per cm, kc 5.34, kw 3.87, error 0.0009 %>
     """
     keys = {"accuracy": accuracy, "points": points, "cell": cell}
     if not isinstance(fabric, Fabric):
