@@ -51,6 +51,7 @@ def test_a_prediction_without_calibration_is_the_model_itself():
     assert (outcome.quantities["transverse_strain"].value < 0).all()
 
 
+@pytest.mark.slow
 def test_the_band_is_what_the_ends_of_the_interval_make_of_it(calibration):
     outcome = Predictor(calibration=calibration, resolution=COARSE).tension("course", FORCES)
     strain = outcome.quantities["strain"]

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 import yaml
-from figure_tools import check_layout, check_same_twice, draw, lines, named, panel, repeated
+from figure_tools import check_layout, check_same_twice, draw, lines, named, panel
 
 from knitsim.errors import InputError
 from knitsim.figures import style
@@ -90,7 +90,8 @@ def loaded(dataset, variant, name):
     return 100.0 * curve.strain.values[up], curve[name].values[up], curve.status.values[up]
 
 
-@pytest.mark.parametrize("name", repeated(FIGURES, "fig13_fabric_under_tension"))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FIGURES)
 def test_saved_files_are_the_same_twice(name, datasets, figures, tmp_path):
     check_same_twice([figures[name], draw(name, datasets)], tmp_path)
 

@@ -289,21 +289,23 @@ def interlooped(given, control, lattice):
     return not_interlooped(given, [control], [lattice]) is None
 
 
-def test_crossings_of_plain_loops():
+@pytest.mark.parametrize(
+    ("stitch", "sign"), [("k", 1.0), pytest.param("p", -1.0, marks=pytest.mark.slow)]
+)
+def test_crossings_of_plain_loops(stitch, sign):
     lattice = np.array([1.5e-3, 0.0, 0.0, 1.0e-3])
-    for stitch, sign in (("k", 1.0), ("p", -1.0)):
-        given = dataclasses.replace(BARRIER, points=48, pattern=(stitch,))
-        control = control_of(knots_of(sign), [1.5e-3, 0, 0])[None]
-        assert interlooped(given, control, lattice)
-        assert not interlooped(given, control * [1, 1, -1], lattice)
-        assert not interlooped(given, control * [1, 1, 0], lattice)  # nothing lies over anything
-        assert not interlooped(given, control, lattice * [1, 1, 1, 3])  # courses pulled apart
-        assert interlooped(given, control, lattice + [0, 0, 2e-4, 0])  # sheared
-        wide = np.concatenate([control[0], control[0] + [1.5e-3, 0, 0]])
-        two = np.array([wide, wide + [0, 1e-3, 0]])
-        given = dataclasses.replace(given, wales=2, courses=2)
-        assert interlooped(given, two, lattice)
-        assert not interlooped(dataclasses.replace(given, pattern=("kp",)), two, lattice)
+    given = dataclasses.replace(BARRIER, points=48, pattern=(stitch,))
+    control = control_of(knots_of(sign), [1.5e-3, 0, 0])[None]
+    assert interlooped(given, control, lattice)
+    assert not interlooped(given, control * [1, 1, -1], lattice)
+    assert not interlooped(given, control * [1, 1, 0], lattice)  # nothing lies over anything
+    assert not interlooped(given, control, lattice * [1, 1, 1, 3])  # courses pulled apart
+    assert interlooped(given, control, lattice + [0, 0, 2e-4, 0])  # sheared
+    wide = np.concatenate([control[0], control[0] + [1.5e-3, 0, 0]])
+    two = np.array([wide, wide + [0, 1e-3, 0]])
+    given = dataclasses.replace(given, wales=2, courses=2)
+    assert interlooped(given, two, lattice)
+    assert not interlooped(dataclasses.replace(given, pattern=("kp",)), two, lattice)
 
 
 def test_crossings_of_patterns():
@@ -339,6 +341,7 @@ def rib_of(fold):
     return control_of(knots, [2 * w, 0, 0])[None], np.array([w, 0.0, 0.0, 1.0e-3])
 
 
+@pytest.mark.slow
 def test_a_folded_rib_is_a_rib():
     given = dataclasses.replace(BARRIER, points=48, wales=2, pattern=("kp",))
     flat, folded = (lines_of(given, *rib_of(fold)) for fold in (0.0, 0.9))
