@@ -96,7 +96,7 @@ def missing_from(listed, scene, y, work):
 
 @pytest.mark.parametrize(
     ("kind", "bent"),
-    [("symmetric", None), ("symmetric", 0)]
+    [("symmetric", None)]
     + [
         pytest.param(*kind, marks=pytest.mark.slow)
         for kind in [
