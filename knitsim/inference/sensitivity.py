@@ -20,7 +20,7 @@ from knitsim.units import to_si
 
 STEP = 0.01  # change of an input, relative; absolute for one that is zero
 LIKELY_STRAINS = (0.01, 0.5)  # solved evenly, further apart beyond
-BENDING_STATES = 8  # to each side
+BENDING_STATES = 4  # to each side; B and 2HB are read at 0.5, 1 and 1.5 per cm
 MAX_CURVATURE = to_si(2.0, "per_cm")
 _FAILURES = (ComputationError, InputError)
 
