@@ -174,7 +174,9 @@ class Walk:
         self._keep(trail, there, 1, phase, cycle)
         off = abs(trail.force[0, i] - wanted)
         if off > NEAR_FORCE * max(abs(row[1][i]) for row in self.rows):
-            self.reason = "the force jumps over the one asked for; the last state is the nearest found"
+            self.reason = (
+                "the force jumps over the one asked for; the last state is the nearest found"
+            )
             return False
         return True
 
