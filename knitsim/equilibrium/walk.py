@@ -10,7 +10,6 @@ from knitsim.equilibrium.result import LOADING, RECOVERY
 from knitsim.equilibrium.solve import follow, force_at
 
 FORCE_TOLERANCE = 1e-6  # relative, where a force is asked for
-NEAR_FORCE = 5e-4  # of the largest force: further off, a state is not that of the force asked for
 _STATES = ("closest", "residual", "work", "lost", "iterations", "increments")
 
 
@@ -172,12 +171,6 @@ class Walk:
                 fa *= 0.5
             b, fb = middle, f
         self._keep(trail, there, 1, phase, cycle)
-        off = abs(trail.force[0, i] - wanted)
-        if off > NEAR_FORCE * max(abs(row[1][i]) for row in self.rows):
-            self.reason = (
-                "the force jumps over the one asked for; the last state is the nearest found"
-            )
-            return False
         return True
 
     def states(self):
