@@ -331,15 +331,20 @@ def test_a_study_read_is_tested_as_its_scene_says():
     assert ks.relax(cotton, points=72).state.model.cell.points == 72
 
 
-def test_calibration_finds_what_made_the_curve(tmp_path):
-    fabric = ks.Fabric(
-        ks.Yarn(count_tex=20, bending_rigidity_N_mm2=2e-3, friction=0.0), loop_length_mm=2.9
-    )
-    made = ks.pull(fabric.with_value("yarn.bending_rigidity_N_mm2", 2.7e-3), "course", to_strain=0.4,
-                   states=12)  # fmt: skip
-    path = tmp_path / "course.csv"
+def pulled_along_the_course(folder, bending_rigidity):
+    """A fabric, a pull of it with another rigidity (N mm2) of its yarn, and the file of that curve."""
+    yarn = ks.Yarn(count_tex=20, bending_rigidity_N_mm2=2e-3, friction=0.0)
+    fabric = ks.Fabric(yarn, loop_length_mm=2.9)
+    other = fabric.with_value("yarn.bending_rigidity_N_mm2", bending_rigidity)
+    made = ks.pull(other, "course", to_strain=0.4, states=12)
+    path = folder / "course.csv"
     rows = [f"{e},{f / 1000}" for e, f in zip(made.strain, made.force_per_width, strict=True)]
     path.write_text("\n".join(["strain,force_N_per_mm", *rows]))
+    return fabric, made, path
+
+
+def test_calibration_finds_what_made_the_curve(tmp_path):
+    fabric, made, path = pulled_along_the_course(tmp_path, 2.7e-3)
     curve = ks.read_measured(path, direction="course")
     found = ks.calibrate(
         fabric,
@@ -364,14 +369,7 @@ def test_calibration_finds_what_made_the_curve(tmp_path):
 
 @pytest.mark.slow
 def test_without_a_free_parameter_every_input_is_uncertain(tmp_path):
-    fabric = ks.Fabric(
-        ks.Yarn(count_tex=20, bending_rigidity_N_mm2=2e-3, friction=0.0), loop_length_mm=2.9
-    )
-    made = ks.pull(fabric.with_value("yarn.bending_rigidity_N_mm2", 2.4e-3), "course", to_strain=0.4,
-                   states=12)  # fmt: skip
-    path = tmp_path / "course.csv"
-    rows = [f"{e},{f / 1000}" for e, f in zip(made.strain, made.force_per_width, strict=True)]
-    path.write_text("\n".join(["strain,force_N_per_mm", *rows]))
+    fabric, made, path = pulled_along_the_course(tmp_path, 2.4e-3)
     found = ks.calibrate(fabric, ks.read_measured(path, direction="course"), (), fabrics=40)
     told = found.to_dataframe().set_index("input")
     assert (told["low"] < told["high"]).all() and told["narrowed"]["bending_rigidity"] < 0.9

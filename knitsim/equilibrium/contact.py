@@ -23,6 +23,7 @@ towards the core, and the table is the law: its derivatives are exact.
 """
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar
 
@@ -79,7 +80,7 @@ def quantity(
     return field(metadata={"quantity": about}, **given)
 
 
-class ContactLaw:
+class ContactLaw(ABC):
     """Base of all contact laws; a subclass is a frozen dataclass with :func:`quantity` fields.
 
     section: name of its section of a yarn in a study.
@@ -103,9 +104,9 @@ class ContactLaw:
         """The fields and what is said of them: {name: Quantity}, in order."""
         return {one.name: one.metadata["quantity"] for one in fields(cls)}
 
+    @abstractmethod
     def energy(self, distance, diameter):
         """v (J/m2) at distances of the centre lines (m, any shape) below the diameter (m)."""
-        raise NotImplementedError(f"{type(self).__name__} must say what its energy is")
 
     def core(self, diameter):
         """Distance (m) below which the law does not let the centre lines come; 0 where it has none."""

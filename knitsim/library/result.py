@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-class Result:
+class Result(ABC):
     """A computed state or test of a fabric.
 
     fabric: the :class:`knitsim.Fabric`, with the test as its scene.
@@ -26,8 +27,9 @@ class Result:
     def __init__(self, fabric: Fabric) -> None:
         self.fabric = fabric
 
+    @abstractmethod
     def _dataset(self) -> xr.Dataset:
-        raise NotImplementedError
+        """What the result holds, before the attributes of its names."""
 
     def to_dataset(self) -> xr.Dataset:
         """All of it as a dataset of the result store: names, units, signs and attributes are the same.

@@ -6,6 +6,7 @@ functions (:func:`pull`, :func:`bend`, ...) describe it and run it at once.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
@@ -25,7 +26,7 @@ def _key(section: str, name: str) -> Any:
 
 
 @dataclass(frozen=True)
-class Test:
+class Test(ABC):
     """A test that can be run on any fabric; its values are checked as a study's are."""
 
     # pytest is not to collect it.
@@ -67,9 +68,9 @@ class Test:
         """Sections of scenes.yaml: the test as the only condition, under its own name."""
         return {self.SECTION: {**self.stated(), "variants": {self.label: {}}}}
 
+    @abstractmethod
     def run(self, fabric: Fabric | Rest) -> Tested:
         """The test of a fabric, or of one at rest."""
-        raise NotImplementedError
 
     def at_rest(self, fabric: Fabric | Rest) -> Rest:
         """The fabric at rest, relaxed if it is not yet."""
