@@ -3,13 +3,14 @@
 import numpy as np
 
 from knitsim.equilibrium.fold import overlooked
-from knitsim.equilibrium.kernels.accept import CROSSINGS_LOST, REACHED
+from knitsim.equilibrium.kernels.accept import CROSSINGS_LOST, NOT_SETTLED, REACHED
 from knitsim.equilibrium.kernels.follow import March, Standing, new_trail
 from knitsim.equilibrium.relax import REASONS
 from knitsim.equilibrium.result import LOADING, RECOVERY
 from knitsim.equilibrium.solve import follow, force_at
 
 FORCE_TOLERANCE = 1e-6  # relative, where a force is asked for
+TRIES = 40  # at most, to find it
 _STATES = ("closest", "residual", "work", "lost", "iterations", "increments")
 
 
@@ -38,6 +39,7 @@ class Walk:
         force = force_at(model, scene, start, self.rub, memory)
         self.here = Standing(start.copy(), force, np.zeros(start.size + 1), memory)
         self.work = self.lost = 0.0
+        self.spent = {"iterations": 0, "increments": 0}  # on the way to the next row
         self.rows, self.labels = [], []
         self.segment, self.reason, self.ended = -1, "", REACHED
 
@@ -74,12 +76,30 @@ class Walk:
             state = {name: row[name] for name in _STATES}
             state["work"] += self.work
             state["lost"] += self.lost
+            if i == 0:
+                for name, spent in self.spent.items():
+                    state[name] += spent
+                self.spent = dict.fromkeys(self.spent, 0)
             self.rows.append((trail.y[i], trail.force[i], row.terms.copy(), state))
             self.labels.append((phase, cycle, self.segment))
         if count:
             self.here = there
             self.work += trail.states.work[count - 1]
             self.lost += trail.states.lost[count - 1]
+
+    def _pass(self, trail, there):
+        """Move on to where the one row of a trail ends, and keep no row."""
+        row = trail.states[0]
+        self.here = there
+        self.work += row["work"]
+        self.lost += row["lost"]
+        for name in self.spent:
+            self.spent[name] += row[name]
+
+    def _largest(self):
+        """Largest force so far on the driven unknown (N)."""
+        at = self.march.driven[0]
+        return max((abs(row[1][at]) for row in self.rows), default=abs(self.force[at]))
 
     def _stop(self, status, target):
         self.ended = status
@@ -129,7 +149,7 @@ class Walk:
         """Go back through targets until the force is zero, where it says why not if it never is."""
         self.segment += 1
         at = self.march.driven[0]
-        zero = FORCE_TOLERANCE * max((abs(row[1][at]) for row in self.rows), default=0.0)
+        zero = FORCE_TOLERANCE * self._largest()
         for target in targets:
             trail, there, _, status = self._go(target[None])
             if status != REACHED:
@@ -145,33 +165,38 @@ class Walk:
         return False
 
     def _to_force(self, wanted, trail, there, phase, cycle):
-        """The state at a force between the current one and that of ``trail`` (regula falsi)."""
+        """The state at a force between the current one and that of ``trail`` (secants).
+
+        With friction the force at a strain depends on the increments that led there, and jumps where it
+        takes one more of them.  So a try that falls short is gone to before the next: what remains to
+        the force is then one short increment.
+        """
         i = self.march.driven[0]
-        a, fa = self.y[i], self.force[i] - wanted
-        b, fb = trail.y[0, i], trail.force[0, i] - wanted
-        scale = max(abs(self.force[i]), abs(trail.force[0, i]), abs(wanted))
-        for _ in range(40):
-            if abs(fb) <= FORCE_TOLERANCE * scale:
-                break
-            if fa * fb > 0.0:
-                # Already there at the start of the step.
+        near, tried = [(at.y[i], at.force[i] - wanted) for at in (self, there)]
+        if near[1] * tried[1] > 0.0:
+            # Already there at the start of the step.
+            return True
+        enough = FORCE_TOLERANCE * max(abs(wanted), abs(there.force[i]), self._largest())
+        weight = 1.0
+        for _ in range(TRIES):
+            if abs(tried[1]) <= enough:
+                self._keep(trail, there, 1, phase, cycle)
                 return True
-            middle = b - fb * (b - a) / (fb - fa)
-            trail, there, _, status = self._go(np.array([[middle]]))
+            if near[1] * tried[1] > 0.0:
+                self._pass(trail, there)
+                near, tried, weight = tried, near, 1.0
+            target = near[0] - weight * near[1] * (tried[0] - near[0]) / (
+                tried[1] - weight * near[1]
+            )
+            # Illinois: the near end counts half where it stays.
+            weight *= 0.5
+            trail, there, _, status = self._go(np.array([[target]]))
             if status != REACHED:
-                self._stop(status, [middle])
+                self._stop(status, [target])
                 return False
-            f = trail.force[0, i] - wanted
-            if abs(f) <= FORCE_TOLERANCE * scale:
-                break
-            # Illinois: halve the weight of an end that stays.
-            if f * fb < 0.0:
-                a, fa = b, fb
-            else:
-                fa *= 0.5
-            b, fb = middle, f
-        self._keep(trail, there, 1, phase, cycle)
-        return True
+            tried = there.y[i], there.force[i] - wanted
+        self._stop(NOT_SETTLED, [target])
+        return False
 
     def states(self):
         """The rows as what :class:`.result.States` takes, and the forces by all unknowns (steps, unknowns).
