@@ -9,7 +9,9 @@ from knitsim.equilibrium.relax import REASONS
 from knitsim.equilibrium.result import LOADING, RECOVERY
 from knitsim.equilibrium.solve import follow, force_at
 
-FORCE_TOLERANCE = 1e-6  # relative, where a force is asked for
+# Of the largest force, where a force is asked for.  With friction a state is known no better than the
+# friction force is settled.
+FORCE_TOLERANCE, RUBBED_TOLERANCE = 1e-6, 1e-4
 TRIES = 40  # at most, to find it
 _STATES = ("closest", "residual", "work", "lost", "iterations", "increments")
 
@@ -176,7 +178,8 @@ class Walk:
         if near[1] * tried[1] > 0.0:
             # Already there at the start of the step.
             return True
-        enough = FORCE_TOLERANCE * max(abs(wanted), abs(there.force[i]), self._largest())
+        part = RUBBED_TOLERANCE if self.rub != () else FORCE_TOLERANCE
+        enough = part * max(abs(wanted), abs(there.force[i]), self._largest())
         weight = 1.0
         for _ in range(TRIES):
             if abs(tried[1]) <= enough:
