@@ -20,6 +20,7 @@ from knitsim.equilibrium.programme import (
 )
 from knitsim.equilibrium.pull import FRICTION_INCREMENT, tensile
 from knitsim.equilibrium.relax import relax
+from knitsim.equilibrium.walk import RUBBED_TOLERANCE
 from knitsim.yarn.law import paper_k3
 
 COTTON = dict(
@@ -85,7 +86,7 @@ def test_cycles_between_forces_condition_and_grow(rubbed):
     curve = programme(rubbed[0.3], "course", [Force(20.0), RELEASED] * 6, states=1)
     table = per_cycle(curve)
     assert len(table) == 6 and conditioned(curve) == 2
-    np.testing.assert_allclose(table[:, 0], 20.0, rtol=1e-5)
+    np.testing.assert_allclose(table[:, 0], 20.0, rtol=RUBBED_TOLERANCE)
     assert (np.diff(table[:, 1]) >= -1e-4).all() and growth(curve) >= 0.0
     assert (table[:, 2] > 0.0).all() and (np.diff(table[:, 2]) < 0.0).all()
 

@@ -178,11 +178,11 @@ class Walk:
         if near[1] * tried[1] > 0.0:
             # Already there at the start of the step.
             return True
-        part = RUBBED_TOLERANCE if self.rub != () else FORCE_TOLERANCE
-        enough = part * max(abs(wanted), abs(there.force[i]), self._largest())
+        largest = max(abs(wanted), self._largest())
+        known = RUBBED_TOLERANCE if self.rub != () else FORCE_TOLERANCE
         weight = 1.0
-        for _ in range(TRIES):
-            if abs(tried[1]) <= enough:
+        for n in range(TRIES):
+            if abs(tried[1]) <= min(FORCE_TOLERANCE * 10 ** (n // 2), known) * largest:
                 self._keep(trail, there, 1, phase, cycle)
                 return True
             if near[1] * tried[1] > 0.0:

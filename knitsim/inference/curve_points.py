@@ -13,6 +13,7 @@ from scipy.interpolate import PchipInterpolator
 from knitsim.equilibrium.kernels.records import COURSE_SPACING, WALE_SPACING
 from knitsim.equilibrium.pull import LARGEST_STRAIN, PULLED, tensile
 from knitsim.equilibrium.result import LOADING, RECOVERY
+from knitsim.equilibrium.walk import RUBBED_TOLERANCE
 from knitsim.errors import ComputationError
 from knitsim.measured.test import from_pretension
 
@@ -60,8 +61,8 @@ def _interpolated(x, y, at):
 
 
 def _reach(last, at):
-    """``at``, with what differs from the last state by round-off only drawn to it."""
-    return np.where(np.abs(at - last) <= 1e-5 * abs(last), last, at)
+    """``at``, with what differs from the last state no more than a force is found drawn to it."""
+    return np.where(np.abs(at - last) <= 2.0 * RUBBED_TOLERANCE * abs(last), last, at)
 
 
 def strains_for(smallest, largest, states=STATES):

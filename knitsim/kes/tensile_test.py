@@ -14,7 +14,7 @@ NAMES = ("strain", "force_per_width")
 RECOVERY_NAMES = ("recovery strain", "recovery force_per_width")
 # Parts of the largest force: one that near counts as reached (solvers stop at a force to within a
 # tolerance), and one that far above it recovery may begin.
-NEAR = 1e-5
+NEAR = 2e-4  # with friction a solved test finds a force to half of this
 PAST = 1e-2
 _GAP = 2.0  # largest distance to the point at which a pass begins, in its largest step
 
@@ -85,7 +85,7 @@ def tension_of(loading, recovery=None, *, max_force=STANDARD_FORCE):
     RT (1; %): work of recovery, from F_m to zero force, over WT.  Also: WT_recovered (J m-2) and
     residual_strain (1; %), at which recovery comes to zero force.  These three are of a recovery that
     begins at F_m: at most 1 % above, and then counts from where it passes F_m; from another force
-    there are none.  A force within 1e-5 F_m of F_m, or of zero, counts as reached.
+    there are none.  A force within NEAR F_m of F_m, or of zero, counts as reached.
     """
     force = checked_number("max_force", max_force, 0.0)
     if not loading.rising:

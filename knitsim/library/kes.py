@@ -71,4 +71,6 @@ def _force(stated: float | None, forces: Any) -> float:
     if stated is not None:
         return float(to_si(stated, "gf_per_cm"))
     largest = float(np.max(forces))
-    return room.KNIT_FORCE if largest >= room.KNIT_FORCE * (1.0 - 1e-5) else largest
+    return (
+        room.KNIT_FORCE if largest >= room.KNIT_FORCE * (1.0 - room.tensile_test.NEAR) else largest
+    )

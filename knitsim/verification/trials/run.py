@@ -127,12 +127,12 @@ def _text(value):
 def _found(case, relaxed, asked, error, clock):
     """Results of one test, by some of _FOUND."""
     curve, outcome, reason = clock.time("testing", guarded, solved, asked, relaxed, error)
-    if curve is None:
-        return {"outcome": outcome, "reason": reason}
-    if curve.model.rub and np.any(curve.increments > 1):
+    if curve is not None and curve.model.rub and np.any(curve.increments > 1):
         # What friction does is told anew exactly only where each solved step is a state.
         asked = every_step(asked, curve)
-        curve = clock.time("testing", solved, asked, relaxed, error)
+        curve, outcome, reason = clock.time("testing", guarded, solved, asked, relaxed, error)
+    if curve is None:
+        return {"outcome": outcome, "reason": reason}
     found = {"outcome": STOPPED if curve.stop_reason else VERIFIED, "reason": curve.stop_reason}
     found["states"] = curve.steps
     if not curve.steps:
