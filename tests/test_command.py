@@ -56,7 +56,6 @@ def test_check_names_what_is_wrong(tmp_path, monkeypatch):
     assert len(err.splitlines()) == 1
 
 
-@pytest.mark.parametrize("command", ["check", "run"])
 def test_a_run_that_is_refused_says_so_once(tmp_path, monkeypatch, capfd):
     """Nor is the table of an earlier run shown, which says nothing of this one."""
     monkeypatch.chdir(tmp_path)
@@ -75,6 +74,7 @@ def test_a_run_that_is_refused_says_so_once(tmp_path, monkeypatch, capfd):
     assert err.startswith("knitsim: fabrics.yaml: jersey.courses_per_cm = -20: must be above 0")
 
 
+@pytest.mark.parametrize("command", ["check", "run"])
 def test_a_directory_that_is_not_there(tmp_path, command):
     status, _, err = said(command, str(tmp_path / "none"))
     assert status == 1

@@ -53,7 +53,7 @@ def test_the_plot_shows_the_curve_its_specimens_and_its_band(path, tmp_path):
     )
     labels = [text.get_text() for text in ax.get_legend().get_texts()]
     assert labels == ["specimens", "band", "mean", "recovery"]
-    assert ax.get_lines()[0].get_xdata() == pytest.approx([0, 5, 10, 15, 20])
+    assert ax.get_lines()[0].get_xdata() == pytest.approx([0, 5, 10, 15, 20, 12, 8])
     assert (tmp_path / "wale.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -74,7 +74,8 @@ class Calibration:
         without ``ax``).  Tension only, where tension and bending were fitted.  options: of the lines."""
         from knitsim.figures.style import COLOURS
 
-        axes, problem = axes_for(ax), self.fit.problem
+        axes: Axes = axes_for(ax)
+        problem = self.fit.problem
         kind = "tension" if any(one.kind == "tension" for one in problem.curves) else "bending"
         x, y = KINDS[kind]
         for test, found in zip(problem.curves, self.fit.curves, strict=True):
@@ -135,10 +136,11 @@ class Learned:
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
         """Draw what is known of each input before and after, 95 %, in standard deviations from what was
         stated; the matplotlib axes (new ones without ``ax``).  options: of the lines after."""
-        axes, z = axes_for(ax), self.found.posterior.draws(4000)[0]
+        axes: Axes = axes_for(ax)
+        z = self.found.posterior.draws(4000)[0]
         low, middle, high = np.quantile(z, (0.025, 0.5, 0.975), axis=0)
         at = np.arange(len(self.found.inputs))
-        before = {"color": "0.8", "linewidth": 7.0, "label": "before"}
+        before: dict[str, Any] = {"color": "0.8", "linewidth": 7.0, "label": "before"}
         axes.hlines(at, -NORMAL_95, NORMAL_95, **before)
         axes.hlines(at, low, high, **{"color": "black", "label": "after", **options})
         axes.plot(middle, at, "o", color=options.get("color", "black"))
@@ -182,7 +184,7 @@ class Prediction:
         """Draw the predicted curve and its band; the matplotlib axes (new ones without ``ax``)."""
         from knitsim.figures.style import COLOURS
 
-        axes = axes_for(ax)
+        axes: Axes = axes_for(ax)
         band: dict[str, Any] = {"color": COLOURS[self.direction], "alpha": 0.25, "linewidth": 0.0}
         line: dict[str, Any] = {"color": COLOURS[self.direction], "label": "predicted", **options}
         low, high = self["low"], self["high"]
