@@ -65,7 +65,7 @@ def headlines(fabric, resolution, direction):
     """
     relaxed = at_rest_again(fabric, resolution)
     rigidity, curl = rigidity_and_curl(relaxed, direction)
-    # A balanced pattern, such as a rib, has none: what is left is the solver's error, of which no part is told.
+    # A balanced pattern, such as a rib, has none: what is left is the solver's error.
     curl = curl if abs(curl) > LEAST_CURL * rigidity / relaxed.wale_spacing else 0.0
     return {"rigidity B": (rigidity, "N m"), "moment that holds it flat": (curl, "N")}
 
