@@ -21,8 +21,8 @@ What is made
 
 What comes out
     Rest and every test have to_dataset() (xarray, the store's names and attributes), to_dataframe() (pandas),
-    to_netcdf(path) and plot() (matplotlib axes); a prediction the second and the last, a calibration and a
-    measured curve to_dataframe().  Printed, each is one line.
+    to_netcdf(path) and plot() (matplotlib axes); a measured curve, a calibration and a prediction have
+    to_dataframe() and plot().  Printed, each is one line.
 
 Units
     Keywords carry theirs (loop_length_mm); everything else is SI.  Strain is engineering strain from rest, a

@@ -56,6 +56,24 @@ def test_check_names_what_is_wrong(tmp_path, monkeypatch):
     assert len(err.splitlines()) == 1
 
 
+def test_a_run_that_is_refused_says_so_once(tmp_path, monkeypatch, capfd):
+    """Nor is the table of an earlier run shown, which says nothing of this one."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "study"]) == 0
+    capfd.readouterr()
+    table = tmp_path / "study/results/tables/summary.csv"
+    table.parent.mkdir(parents=True)
+    table.write_text("fabric\n")
+    assert main(["run", "study", "-c1", "--nonsense"]) == 2
+    assert capfd.readouterr() == ("", "knitsim run: unrecognized arguments: --nonsense\n")
+    fabrics = tmp_path / "study/fabrics.yaml"
+    fabrics.write_text(fabrics.read_text().replace("courses_per_cm: 20", "courses_per_cm: -20"))
+    assert main(["run", "study", "-c1"]) == 1
+    out, err = capfd.readouterr()
+    assert out == "" and err.count("\n") == 1
+    assert err.startswith("knitsim: fabrics.yaml: jersey.courses_per_cm = -20: must be above 0")
+
+
 @pytest.mark.parametrize("command", ["check", "run"])
 def test_a_directory_that_is_not_there(tmp_path, command):
     status, _, err = said(command, str(tmp_path / "none"))

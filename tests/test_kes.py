@@ -174,6 +174,11 @@ def test_start_that_the_curve_does_not_hold():
         kes.tension(strain, force, start=(0.05, 0.0))
 
 
+def test_a_recovery_of_one_state_is_not_called_none():
+    found = kes.tension([0, 0.1, 0.2, 0.19], [0, 5, 10, 0], phase=[0, 0, 0, 1], max_force=10.0)
+    assert "single point; it needs two" in found.left_out["residual_strain"]
+
+
 @pytest.mark.parametrize(
     ("strain", "force", "name", "reason"),
     [

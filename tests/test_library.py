@@ -29,6 +29,7 @@ CONFIG = Path(__file__).parents[1] / "config"
 DOCUMENTED = (
     "knitsim.library.rest", "knitsim.library.tests", "knitsim.library.result", "knitsim.library.kes",
     "knitsim.library.sweep", "knitsim.library.inference", "knitsim.study.study", "knitsim.study.count",
+    "knitsim.measured.read",
 )  # fmt: skip
 
 
@@ -360,6 +361,15 @@ def test_calibration_finds_what_made_the_curve(tmp_path):
     np.testing.assert_allclose(predicted["strain"], at, rtol=0.02)
     assert (predicted["low"] <= predicted["high"]).all() and predicted.plot().get_xlabel()
     assert "\n" not in repr(found) + repr(predicted)
+    # Measured curve, fit and a pull of the fitted fabric in one picture: the same units, the same curve.
+    drawn = curve.plot(found.plot()).lines
+    fitted = next(one for one in drawn if one.get_label() == "course, fitted")
+    for line in drawn:
+        np.testing.assert_allclose(line.get_xdata()[-8:], 100 * made.strain[-8:], rtol=5e-3)
+        np.testing.assert_allclose(line.get_ydata()[-8:], made.force_per_width[-8:] / 0.980665)
+    assert (
+        fitted.get_linestyle() == "-" and found.plot().get_xlabel() == "Strain along the pull (%)"
+    )
     assert ks.kes(curve)["EMT"].kes_value == pytest.approx(
         100 * np.interp(49.03325, made.force_per_width, made.strain), rel=5e-3
     )
@@ -373,6 +383,8 @@ def test_without_a_free_parameter_every_input_is_uncertain(tmp_path):
     found = ks.calibrate(fabric, ks.read_measured(path, direction="course"), (), fabrics=40)
     told = found.to_dataframe().set_index("input")
     assert (told["low"] < told["high"]).all() and told["narrowed"]["bending_rigidity"] < 0.9
+    names = [text.get_text() for text in found.plot().get_yticklabels()]
+    assert names == [one.replace("_", " ") for one in told.index[:-1]]
     assert found.next_tests("wale")["deviation_after_over_before"].is_monotonic_increasing
     predicted = ks.predict(found, "wale", to_N_per_mm=0.02, states=4)
     truth = ks.pull(made.rest, "wale", to_strain=0.2, states=40)

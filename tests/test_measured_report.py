@@ -47,7 +47,10 @@ def test_the_plot_shows_the_curve_its_specimens_and_its_band(path, tmp_path):
     other.write_text(TEXT.replace("0,35", "0,45").replace("2,0", "2,2"))
     fig = plot(read_measured([path, other], direction="wale"), tmp_path / "wale.png")
     ax = fig.axes[0]
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("strain (%)", "force per width (N/mm)")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (
+        "Strain along the wale (%)",
+        "Force per width (gf/cm)",
+    )
     labels = [text.get_text() for text in ax.get_legend().get_texts()]
     assert labels == ["specimens", "band", "mean", "recovery"]
     assert ax.get_lines()[0].get_xdata() == pytest.approx([0, 5, 10, 15, 20, 12, 8])

@@ -13,6 +13,7 @@ from conftest import COTTON
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
+import knitsim as ks
 from knitsim.equilibrium.bend import bend
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.relax import relax
@@ -24,6 +25,7 @@ from knitsim.stages import kes, vtk_states, yarn_to_fabric
 from knitsim.stages.equilibrium import settings_of, solver_fabric
 from knitsim.stages.kes_table import curl_table, kes_table
 from knitsim.stages.laws import laws_of
+from knitsim.stages.ledger import effect_dataset
 from knitsim.store.results import labels_of
 from knitsim.store.writer import write
 from knitsim.study.study import load_study
@@ -302,3 +304,15 @@ def test_a_path_that_ends_early_has_no_rigidity(monkeypatch):
     monkeypatch.setattr(short, "bend", lambda *args, **options: curve)
     rigidity, curl = short.rigidity_and_curl(None, "wale")
     assert np.isnan(rigidity) and curl == 0.5
+
+
+def test_a_rib_is_balanced_and_no_part_of_its_curl_is_told():
+    """By symmetry it has no curl: a change in per cent would be that of the solver's error."""
+    yarn = ks.Yarn(count_tex=20, bending_rigidity_N_mm2=2e-3)
+    rib = ks.Fabric(yarn, pattern="rib_1x1", loop_length_mm=2.9)
+    found = bending.headlines(rib, Resolution(24), "course")
+    assert found["moment that holds it flat"][0] == 0.0 < found["rigidity B"][0]
+    effects = effect_dataset(
+        rib, {"equilibrium_bending"}, lambda one: {"curl": (0.0 * one.yarn["diameter"], "N")}
+    )
+    assert effects.sizes["alternative"] and not np.isfinite(effects.assumption_effect).any()

@@ -167,7 +167,7 @@ def test_fibres_have_no_ceiling_where_none_is_drawn():
     [
         ("linear_density_tex", "count_tex"), ("denier", "count_den"), ("titre_dtex", "count_dtex"),
         ("Ne", "count_Ne"), ("filaments", "fibres"), ("mu", "friction"), ("tpi", "twist_per_inch"),
-        ("yarn_count", "count"),
+        ("yarn_count", "count"), ("material", "density_g_per_cm3 or fibre_modulus_GPa"),
     ],
 )  # fmt: skip
 def test_names_of_the_trade_of_a_yarn(stated, right):

@@ -17,6 +17,7 @@ LOG = "benchmark/logs/snakemake.log"
 # What Snakemake says of a job, from its beginning to its end.
 _FIELD = re.compile(r"    (jobid|wildcards): (.*)")
 _ENDED = re.compile(r"Finished jobid: (\d+) \(Rule: (\w+)\)")
+_OPTIONS = re.compile(r"\S*__main__\.py: error: (.*)")
 _STEPS = re.compile(r"(\d+) of (\d+) steps \(.*\) done")
 
 
@@ -57,10 +58,12 @@ def run(given, more):
         log = results / LOG
         log.parent.mkdir(parents=True, exist_ok=True)
         with log.open("w", encoding="utf-8") as file:
-            status = followed(command, file)
+            status, said = followed(command, file)
     except OSError as error:
         why = "no space left on the disk" if full_disk(error) else error.strerror
         raise InputError(results, None, f"cannot be written: {why}") from None
+    if said:  # refused: what an earlier run has left says nothing of this one
+        return status
     if (results / show.TABLE).exists():
         show.show_results(results)
     if status:
@@ -71,9 +74,12 @@ def run(given, more):
 
 
 def followed(command, log):
-    """Run ``command``, all it says into the open file ``log``, a line of each job on the screen."""
+    """Run ``command``, all it says into the open file ``log``, a line of each job on the screen.
+
+    (exit status, whether it failed before any job and the reason is on the screen).
+    """
     environment = os.environ | {"PYTHONUNBUFFERED": "1", "KNITSIM_RUN": "1"}
-    wildcards, job, ended, locked = {}, "", "", False
+    wildcards, job, ended, locked, refused = {}, "", "", False, False
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment,
         errors="replace",
@@ -83,6 +89,7 @@ def followed(command, log):
                 log.write(line)
                 if line.startswith("knitsim: "):
                     print(line, end="", file=sys.stderr, flush=True)
+                    refused = refused or not job
                 elif found := _FIELD.match(line):
                     if found[1] == "jobid":
                         job = found[2].strip()
@@ -93,6 +100,9 @@ def followed(command, log):
                     ended = f"{found[2].replace('_', ' ')} {wildcards.get(found[1], '')}".strip()
                 elif found := _STEPS.match(line):
                     print(f"[{found[1]:>{len(found[2])}}/{found[2]}] {ended}", flush=True)
+                elif found := _OPTIONS.match(line):
+                    print(f"knitsim run: {found[1]}", file=sys.stderr, flush=True)
+                    refused = True
                 locked = locked or "LockException" in line
         except KeyboardInterrupt:
             process.wait()  # Snakemake was told as well, and ends its jobs
@@ -102,4 +112,4 @@ def followed(command, log):
             "run with --rerun-incomplete",
             file=sys.stderr,
         )
-    return process.returncode
+    return process.returncode, process.returncode != 0 and (locked or refused)

@@ -67,15 +67,20 @@ def tension(
             raise InputError(place(source, "start"), start, right)
         points = _prepended(start, points)
     loading = Pass(*points, names=NAMES, source=source, rule=rule)
+    lacking = "the test has no recovery"
+    if back[0].size == 1:
+        lacking = "recovery has a single point; it needs two, of more states"
     if back[0].size > 1:
         points = _begun(*back, (x[up[-1]], y[up[-1]]))
         back = Pass(*points, names=names, source=source, rule=rule)
     else:
         back = None
-    return tension_of(loading, back, max_force=max_force)
+    return tension_of(loading, back, max_force=max_force, lacking=lacking)
 
 
-def tension_of(loading, recovery=None, *, max_force=STANDARD_FORCE):
+def tension_of(
+    loading, recovery=None, *, max_force=STANDARD_FORCE, lacking="the test has no recovery"
+):  # fmt: skip
     """KES tensile parameters of two passes (:class:`knitsim.kes.single_pass.Pass`).
 
     After S. Kawabata, The Standardization and Analysis of Hand Evaluation, 2nd ed., 1980; F_m is
@@ -85,7 +90,8 @@ def tension_of(loading, recovery=None, *, max_force=STANDARD_FORCE):
     RT (1; %): work of recovery, from F_m to zero force, over WT.  Also: WT_recovered (J m-2) and
     residual_strain (1; %), at which recovery comes to zero force.  These three are of a recovery that
     begins at F_m: at most 1 % above, and then counts from where it passes F_m; from another force
-    there are none.  A force within NEAR F_m of F_m, or of zero, counts as reached.
+    there are none, nor without a recovery, of which ``lacking`` says why.  A force within NEAR F_m of
+    F_m, or of zero, counts as reached.
     """
     force = checked_number("max_force", max_force, 0.0)
     if not loading.rising:
@@ -120,16 +126,16 @@ def tension_of(loading, recovery=None, *, max_force=STANDARD_FORCE):
     found.add("EMT", "strain", extension, f"strain at which loading reaches F_m = {at}")
     found.add("WT", "work", work, f"work of loading up to F_m = {at}")
     found.add("LT", "ratio", linearity, f"WT/(F_m EMT/2), F_m = {at}")
-    _add_recovery(found, loading, recovery, force, at)
+    _add_recovery(found, loading, recovery, force, at, lacking)
     read = [f"loading: {loading}"]
     return found.result(read if recovery is None else [*read, f"recovery: {recovery}"])
 
 
-def _add_recovery(found, loading, recovery, force, at):
+def _add_recovery(found, loading, recovery, force, at, lacking):
     def residual():
         [(top, _)] = found.needed("EMT")
         if recovery is None:
-            raise LeftOut("the test has no recovery")
+            raise LeftOut(lacking)
         most = max(float(loading.y.max()), float(recovery.y.max()))
         if most > (1.0 + PAST) * force:
             raise LeftOut(f"recovery begins after {shown(most, 'force')}, not at {at}")

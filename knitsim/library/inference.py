@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from knitsim.errors import InputError
+from knitsim.inference.bending_points import BendingPoints
 from knitsim.inference.calibrate import Calibration as Fit
 from knitsim.inference.calibrate import Parameter, Problem, fit
 from knitsim.inference.forward import QUANTITIES
@@ -27,8 +28,8 @@ from knitsim.inference.posterior import predicted, reading
 from knitsim.inference.predict import Outcome, Predictor
 from knitsim.inference.predict import Prediction as Predicted
 from knitsim.inference.scores import bands
-from knitsim.library.plots import axes_for
-from knitsim.measured.test import MeasuredTest
+from knitsim.measured.drawn import PLOTTED, axes_for, draw
+from knitsim.measured.test import KINDS, MeasuredTest
 from knitsim.stages.calibration import inside, pretensions_of, shifted
 from knitsim.stages.equilibrium import settings_of, solver_fabric
 from knitsim.stages.laws import calibration_of, laws_of
@@ -43,6 +44,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 KIND = "calibrate"
+NORMAL_95 = 1.96  # standard deviations that hold 95 % to both sides
+CURVATURE, CHANGE = "Curvature (1/cm), face convex positive", "Change of moment (gf cm/cm)"
 
 
 class Calibration:
@@ -65,6 +68,39 @@ class Calibration:
             about = dict(zip(("value", "low", "high"), map(float, numbers), strict=True))
             rows.append({"parameter": name, **about, "units": label(unit)})
         return pd.DataFrame(rows)
+
+    def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw the measured curves as points and the fitted fabric as lines; the matplotlib axes (new ones
+        without ``ax``).  Tension only, where tension and bending were fitted.  options: of the lines."""
+        from knitsim.figures.style import COLOURS
+
+        axes: Axes = axes_for(ax)
+        problem = self.fit.problem
+        kind = "tension" if any(one.kind == "tension" for one in problem.curves) else "bending"
+        x, y = KINDS[kind]
+        for test, found in zip(problem.curves, self.fit.curves, strict=True):
+            if test.kind != kind:
+                continue
+            at = test[x] if kind == "tension" else BendingPoints(test).at
+            sides = {x: at, y: found.model}
+            if kind == "tension" and problem.kind == "strain":
+                sides = {x: found.model, y: test[y]}
+            look = {"color": COLOURS[test.direction], "label": f"{test.name}, fitted", **options}
+            if kind == "tension":
+                draw(test, axes, label=test.name, linestyle="none", color=COLOURS[test.direction])
+            else:
+                mean = from_si(found.measured, PLOTTED[y])
+                axes.plot(from_si(at, PLOTTED[x]), mean, ".", color=look["color"], label=test.name)
+            for phase in np.unique(test.phase) if kind == "tension" else (0,):
+                own = test.phase == phase if kind == "tension" else slice(None)
+                xs, ys = (from_si(sides[one][own], PLOTTED[one]) for one in (x, y))
+                axes.plot(xs, ys, **look | ({"linestyle": "--", "label": None} if phase else {}))
+        axes.set(
+            xlabel="Strain along the pull (%)" if kind == "tension" else CURVATURE,
+            ylabel="Force per width (gf/cm)" if kind == "tension" else CHANGE,
+        )
+        axes.legend(frameon=False)
+        return axes
 
     def __repr__(self) -> str:
         told = [
@@ -96,6 +132,23 @@ class Learned:
         others = [(test, quantity) for test in ("course", "wale") for quantity in QUANTITIES]
         rows = next_tests(self.found, direction, others)
         return pd.DataFrame(rows, columns=["measurement", "deviation_after_over_before"])
+
+    def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw what is known of each input before and after, 95 %, in standard deviations from what was
+        stated; the matplotlib axes (new ones without ``ax``).  options: of the lines after."""
+        axes: Axes = axes_for(ax)
+        z = self.found.posterior.draws(4000)[0]
+        low, middle, high = np.quantile(z, (0.025, 0.5, 0.975), axis=0)
+        at = np.arange(len(self.found.inputs))
+        before: dict[str, Any] = {"color": "0.8", "linewidth": 7.0, "label": "before"}
+        axes.hlines(at, -NORMAL_95, NORMAL_95, **before)
+        axes.hlines(at, low, high, **{"color": "black", "label": "after", **options})
+        axes.plot(middle, at, "o", color=options.get("color", "black"))
+        axes.set_yticks(at, [one.name.replace("_", " ") for one in self.found.inputs])
+        axes.invert_yaxis()
+        axes.set_xlabel("Standard deviations from what was stated")
+        axes.legend(frameon=False)
+        return axes
 
     def __repr__(self) -> str:
         told = [
@@ -131,7 +184,7 @@ class Prediction:
         """Draw the predicted curve and its band; the matplotlib axes (new ones without ``ax``)."""
         from knitsim.figures.style import COLOURS
 
-        axes = axes_for(ax)
+        axes: Axes = axes_for(ax)
         band: dict[str, Any] = {"color": COLOURS[self.direction], "alpha": 0.25, "linewidth": 0.0}
         line: dict[str, Any] = {"color": COLOURS[self.direction], "label": "predicted", **options}
         low, high = self["low"], self["high"]
@@ -147,10 +200,7 @@ class Prediction:
             moment, low, high = (from_si(one, "gf") for one in (self[self._y], low, high))
             axes.plot(at, moment, **line)
             axes.fill_between(at, low, high, label="band", **band)
-            axes.set(
-                xlabel="Curvature (1/cm), face convex positive",
-                ylabel="Change of moment (gf cm/cm)",
-            )
+            axes.set(xlabel=CURVATURE, ylabel=CHANGE)
         axes.legend(frameon=False)
         return axes
 

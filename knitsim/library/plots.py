@@ -21,16 +21,6 @@ if TYPE_CHECKING:
 FORCE = "Force per width (gf/cm)"
 
 
-def axes_for(ax: Axes | None) -> Axes:
-    """``ax``, or axes of a new figure."""
-    if ax is not None:
-        return ax
-    from matplotlib import pyplot
-
-    axes: Axes = pyplot.figure(layout="constrained").add_subplot()
-    return axes
-
-
 def draw(result: Result, ax: Axes, **options: Any) -> None:
     """Draw a result on ``ax``."""
     if isinstance(result, Rest):

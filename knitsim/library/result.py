@@ -72,9 +72,10 @@ class Result(ABC):
 
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
         """Draw it; the matplotlib axes (new ones without ``ax``).  options: of the lines."""
-        from knitsim.library.plots import axes_for, draw
+        from knitsim.library.plots import draw
+        from knitsim.measured.drawn import axes_for
 
-        axes = axes_for(ax)
+        axes: Axes = axes_for(ax)
         draw(self, axes, **options)
         return axes
 

@@ -7,8 +7,11 @@
 >>> with TemporaryDirectory() as folder:
 ...     path = Path(folder) / "wale.csv"
 ...     _ = path.write_text("\\n".join(lines))
-...     read_measured(path, direction="wale")
+...     curve = read_measured(path, direction="wale")
+>>> curve
 <MeasuredTest wale: tension along the wale, 5 points to 20 %, 0.04 N/mm>
+>>> curve.plot().get_ylabel()
+'Force per width (gf/cm)'
 
 What is recognised, left out and done to the numbers stands in the result; where a file leaves something
 open, one line says which key to state.

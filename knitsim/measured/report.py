@@ -10,8 +10,9 @@ from textwrap import wrap
 import numpy as np
 
 from knitsim.errors import InputError
+from knitsim.measured.drawn import draw
 from knitsim.measured.read import SLACKS, ZEROS, read_measured
-from knitsim.measured.test import KINDS, RECOVERY, SHOWN
+from knitsim.measured.test import KINDS, SHOWN
 from knitsim.units import from_si, label
 
 
@@ -56,33 +57,10 @@ def plot(test, path=None):
     """
     from matplotlib.figure import Figure
 
-    x, y = KINDS[test.kind]
     fig = Figure(figsize=(6.3, 4.2), layout="constrained")
-    ax = fig.add_subplot()
-
-    def line(one, **look):
-        ax.plot(from_si(one.x, SHOWN[x]), from_si(one.y, SHOWN[y]), **look)
-
-    for k, one in enumerate(test.specimens):
-        line(one, color="0.6", linewidth=0.8, label="specimens" if k == 0 else None)
-    for k, one in enumerate(one for one in test.cycles if one.cycle != test.cycle):
-        line(one, color="0.6", linewidth=0.8, label="other cycles" if k == 0 else None)
-    if test.band is not None:
-        low, high = (from_si(end, SHOWN[x]) for end in test.band)
-        own = test.loading
-        ax.fill_betweenx(
-            from_si(test.y, SHOWN[y])[own], low[own], high[own], alpha=0.2, label="band"
-        )
-    mark = "." if len(test) <= 200 else ""
-    line(test, color="C0", marker=mark, linewidth=1.2, label="mean" if test.specimens else "used")
-    back = test.phase == RECOVERY
-    if back.any():
-        line(test.kept(back, phase=None), color="C1", marker=mark, linewidth=1.2, label="recovery")
-    ax.set_xlabel(_heading(x))
-    ax.set_ylabel(_heading(y))
+    ax = draw(test, fig.add_subplot())
     ax.set_title(repr(test).strip("<>").partition(" ")[2], fontsize=9)
     ax.grid(True, alpha=0.3)
-    ax.legend()
     if path is not None:
         fig.savefig(path, dpi=150)
     return fig

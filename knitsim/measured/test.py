@@ -248,6 +248,12 @@ class MeasuredTest:
         phases = np.array(["loading", "recovery"])[self.phase]
         return pd.DataFrame({**self.values, "phase": phases})
 
+    def plot(self, ax=None, **options):
+        """Draw it in %, gf/cm and 1/cm; the matplotlib axes (new ones without ``ax``)."""
+        from knitsim.measured.drawn import draw
+
+        return draw(self, ax, **options)
+
     def to_csv(self, path, *, comma=False):
         """Write the curve as a file that :func:`knitsim.measured.read.read_measured` reads.
 

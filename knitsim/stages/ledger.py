@@ -41,7 +41,8 @@ def effect_dataset(resolved, stages, headlines):
             continue
         with np.errstate(divide="ignore", invalid="ignore"):
             effects.append(
-                (np.array([v for v, _ in found.values()], dtype=float) - base) / abs(base)
+                (np.array([v for v, _ in found.values()], dtype=float) - base)
+                / np.where(base == 0.0, np.nan, abs(base))
             )
         refused.append("")
     shape = (len(labels), base.size)

@@ -117,8 +117,10 @@ def _input(key, value, row, section=""):
 def _shown(value, unit):
     if isinstance(value, (list, tuple)):
         return ", ".join(_shown(one, unit) for one in value)
-    if isinstance(value, (bool, str)):
-        return str(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return value.replace("_", " ")
     return f"{units.from_si(value, unit) if unit else value:.5g}"
 
 

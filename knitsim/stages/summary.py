@@ -151,7 +151,7 @@ def _read(row, dataset):
                 row["condition"].append(f"{kind} {direction}: {one['model']}, {one['variant']}")
             elif found:
                 row["left_out"].append(
-                    f"{parameter} {direction}: {min(found, key=_rank)['left_out']}"
+                    f"{parameter.replace('_', ' ')} {direction}: {min(found, key=_rank)['left_out']}"
                 )
 
 

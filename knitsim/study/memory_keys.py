@@ -12,7 +12,7 @@ FRICTION_KEYS = (
     Key("tangential_stiffness_ratio", "tangential_ratio", "number", "Stiffness of a contact along the yarns "
         "before they slide, over that across them where they first touch.", allowed="[1e-3, 1e3]",
         default=1.0, plausible=(0.67, 2.0), stages=FOLLOWED,
-        because="not in the paper; equal elastic bodies have 0.67 to 1 (Mindlin 1949), a hairy shell more"),
+        because="not stated; equal elastic bodies have 0.67 to 1 (Mindlin 1949), a hairy shell more"),
     Key("bending_hysteresis_mN_mm", "bending_hysteresis", "number", "Couple by which the moment of "
         "the bent yarn lags behind its curvature, half the width of its loop; used in tests with friction.",
         unit="mN_mm", allowed="[0, 1e6]", default=0.0, stages=FOLLOWED),

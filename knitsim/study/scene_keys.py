@@ -18,7 +18,7 @@ STORE = Key("store", "store", "choices", "Positions stored for every step.",
 def viscous_key(default, high):
     return Key("viscous_coefficient_N_s_per_m", "viscous_coefficient", "number",
         "c of the paper's friction F = c v.", unit="N_s_per_m", allowed="[0, 1e9]", default=default,
-        plausible=(0.0, high), because="not in the paper; about 1 % of the largest tension")
+        plausible=(0.0, high), because="not stated; about 1 % of the largest tension")
 
 
 TENSILE_TEST = Section(
@@ -28,15 +28,15 @@ TENSILE_TEST = Section(
     stage="yarn",
     keys=(
         Key("max_strain", "max_strain", "number", "Largest strain.", allowed="(0, 1]", default=0.05,
-            plausible=(0.02, 0.07), because="not in the paper; past yield and short of the break"),
+            plausible=(0.02, 0.07), because="not stated; past yield and short of the break"),
         Key("steps", "steps", "integer", "Steps up to the largest strain.", allowed="[2, 100000]",
             default=100),
         Key("velocity_mm_per_s", "velocity", "number", "Velocity of the moving clamp.",
             unit="mm_per_s", allowed="(0, 1e6]", default=500 / 60, plausible=(4.0, 85.0),
-            because="not in the paper; 500 mm/min, as ISO 2062 has it"),
+            because="not stated; 500 mm/min, as ISO 2062 has it"),
         Key("gauge_length_mm", "gauge_length", "number", "Length between the clamps.", unit="mm",
             allowed="(0, 1e5]", default=500.0, plausible=(250.0, 500.0),
-            because="not in the paper; as ISO 2062 has it"),
+            because="not stated; as ISO 2062 has it"),
         viscous_key(10.0, 50.0),
         READINGS,
         Key("recovery", "recovery", "flag", "Recover to zero force after loading.", default=True),
@@ -94,17 +94,17 @@ KINEMATIC_TENSION = Section(
         Key("max_strain_course", "max_strain_course", "number",
             "Largest fabric strain, course-wise.", allowed="(0, 5]", default=0.6,
             plausible=(0.4, 0.8),
-            because="not in the paper; what plain jersey is stretched to in wear"),
+            because="not stated; what plain jersey is stretched to in wear"),
         Key("max_strain_wale", "max_strain_wale", "number", "Largest fabric strain, wale-wise.",
             allowed="(0, 5]", default=0.3, plausible=(0.2, 0.4),
-            because="not in the paper; what plain jersey is stretched to in wear"),
+            because="not stated; what plain jersey is stretched to in wear"),
         Key("steps", "steps", "integer", "Steps up to the largest strain, and back.",
             allowed="[2, 100000]", default=200),
         *READING_KEYS,
         viscous_key(1000.0, 5000.0),
         Key("velocity_mm_per_s", "velocity", "number", "Velocity of the moving clamp.",
             unit="mm_per_s", allowed="(0, 1e6]", default=0.1, plausible=(0.05, 2.0),
-            because="not in the paper; that of the KES tensile tester"),
+            because="not stated; that of the KES tensile tester"),
         STORE,
     ),
 )
@@ -122,7 +122,7 @@ KINEMATIC_BENDING = Section(
             allowed="[2, 100000]", default=200),
         Key("loops", "loops", "number", "Length L of the bent model in loops; K = kappa L.",
             allowed="(0, 1000]", default=1.0, plausible=(1.0, 10.0),
-            because="not in the paper; one loop is the least that repeats"),
+            because="not stated; one loop is the least that repeats"),
         READINGS,
         STORE,
     ),

@@ -103,7 +103,7 @@ TENSION_LAW = Section(
             allowed="(0, 1e6]", default=REQUIRED, when=("bilinear",)),
         Key("yield_strain", "yield_strain", "number", "Strain at which k2 takes over.",
             allowed="(0, 1)", default=0.02, when=("bilinear",), plausible=(0.01, 0.04),
-            because="not in the paper; drawn filament yarns yield at 1 to 4 % strain"),
+            because="not stated; drawn filament yarns yield at 1 to 4 % strain"),
         Key("low_N", "low", "number", "Slope below the switch.", unit="N", allowed="(0, 1e6]",
             default=REQUIRED, when=("secant",)),
         Key("high_N", "high", "number", "Slope above the switch.", unit="N", allowed="(0, 1e6]",
@@ -189,12 +189,12 @@ YARN = Section(
             "yarns lie between 1.0 and 1.45"),
         Key("twist_per_m", "twist", "number", "Turns per metre.", unit="per_m", allowed="[0, 1e5]",
             default=twist_rule, plausible=(0.8, 1.2), stages=("yarn", "loop"),
-            because="not in the paper; spun knitting yarn, English twist multiplier 3.2"),
+            because="not stated; spun knitting yarn, English twist multiplier 3.2"),
         Key("twist_per_inch", "twist", "number", "Turns per inch.", unit="per_inch",
             allowed="[0, 2540]"),
         Key("twist_direction", "twist_direction", "choice",
             "Z: right-handed helix. S: left-handed.", choices=("Z", "S"), default="Z",
-            stages=("yarn", "loop"), because="not in the paper; most single yarns are Z"),
+            stages=("yarn", "loop"), because="not stated; most single yarns are Z"),
         Key("section_spacing_mm", "section_spacing", "number",
             "Distance of neighbouring sections of the simulated yarn.", unit="mm",
             allowed="(0, 10]", default=section_spacing_rule, stages=("yarn",)),
@@ -202,7 +202,7 @@ YARN = Section(
             "Stiffness, per length of yarn, of each spring that holds a section of the simulated "
             "yarn together.", unit="MPa", allowed="(0, 1e6]", default=100.0,
             plausible=(50.0, 1000.0), stages=("yarn",),
-            because="not in the paper; between a loose bundle and the fibres' own transverse "
+            because="not stated; between a loose bundle and the fibres' own transverse "
             "modulus"),
         Key("bending_rigidity_N_mm2", "bending_rigidity", "number", "Bending rigidity of the yarn.",
             unit="N_mm2", allowed="[0, 1e6]", default=bending_rule, plausible=(1.0, 5.0),
@@ -211,7 +211,7 @@ YARN = Section(
         barrier_key(),
         Key("friction", "friction", "number", "Coulomb friction coefficient of yarn on yarn.",
             allowed="[0, 1]", default=0.2, plausible=(0.1, 0.3), stages=("equilibrium",),
-            because="not in the paper; waxed to unwaxed spun yarn"),
+            because="not stated; waxed to unwaxed spun yarn"),
         *FRICTION_KEYS,
         Key("modulus_N_per_tex", "modulus", "number", "Tension per strain and count, constant up to the "
             "break; for a yarn without tension_law and tension_curve.", unit="N_per_tex", allowed="(0, 1000]",
@@ -221,7 +221,7 @@ YARN = Section(
         Key("breaking_strain", "breaking_strain", "number",
             "Strain at break; states beyond it are marked.", allowed="(0, 10]",
             default=breaking_rule, plausible=(0.7, 1.4), stages=("law",),
-            because="not in the paper; cotton yarn breaks near 7 %; a law by "
+            because="not stated; cotton yarn breaks near 7 %; a law by "
             "points ends at its last point"),
         Key("scene", "scene", "text", "The test programme: a name in scenes.yaml.",
             default="paper_yarn"),
@@ -242,7 +242,7 @@ FABRIC = Section(
         Key("set", "set", "number", "Part of the stated loop's curvature that the yarn has taken "
             "as its rest shape.", allowed="[0, 1]", default=0.0, plausible=(0.0, 0.9),
             stages=("equilibrium",),
-            because="not in the paper; 0 is a yarn that would be straight"),
+            because="not stated; 0 is a yarn that would be straight"),
         Key("loop_length_mm", "loop_length", "number", "Length of yarn in one loop (stitch), the "
             "mean of the pattern.", unit="mm",
             allowed="(0, 200]", default=loop_length_rule, stages=("centre_line",)),

@@ -131,6 +131,8 @@ MEANT = {
     **dict.fromkeys(("yarn_diameter_mm", "yarn_diameter", "diameter"), ("diameter_mm",)),
     **dict.fromkeys(("fibre_density", "fiber_density", "density", "fibre_density_g_per_cm3",
                      "specific_gravity"), ("density_g_per_cm3",)),
+    **dict.fromkeys(("material", "fibre", "fiber", "fibre_type", "fiber_type", "fibre_material", "polymer"),
+                    ("density_g_per_cm3", "fibre_modulus_GPa")),
     **dict.fromkeys(("elongation_at_break", "breaking_elongation", "strain_at_break"), ("breaking_strain",)),
     **dict.fromkeys(("initial_modulus", "modulus", "initial_modulus_n_per_tex", "tenacity_modulus"),
                     ("modulus_N_per_tex",)),
