@@ -18,7 +18,7 @@ from knitsim.errors import ComputationError
 from knitsim.measured.test import from_pretension
 
 STATES = 16  # up to the largest measured strain
-GROWTH, WIDENING = 1.3, 1.15  # of the steps before and beyond the even ones
+GROWTH = 1.3  # of the steps before the even ones
 FURTHER = 4.0  # the model may strain this many times as far before it counts as failed
 
 
@@ -68,8 +68,8 @@ def _reach(last, at):
 def strains_for(smallest, largest, states=STATES):
     """Strains at which a test is solved, for measured strains from ``smallest`` to ``largest``.
 
-    Half the smallest first, then growing steps, evenly with ``states`` steps to the largest, beyond
-    it ever wider.
+    Half the smallest first, then growing steps, evenly with ``states`` steps to the largest, beyond it by the
+    same part of the length: a step far beyond where the yarns lock has no state, and costs most.
     """
     even = largest / states
     step = min(0.5 * smallest, even)
@@ -78,7 +78,7 @@ def strains_for(smallest, largest, states=STATES):
         step = min(GROWTH * step, even)
         strains.append(strains[-1] + step)
     while strains[-1] < min(FURTHER * largest, LARGEST_STRAIN):
-        step *= WIDENING
+        step = even * (1.0 + strains[-1]) / (1.0 + largest)
         strains.append(min(strains[-1] + step, LARGEST_STRAIN))
     return np.array(strains)
 

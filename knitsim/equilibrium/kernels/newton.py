@@ -2,7 +2,8 @@
 
 Newton's method uses the exact Hessian, shifted by a multiple of the identity where it is not positive
 definite, a cap on the largest displacement and an Armijo line search.  Where a further decrease of
-the energy drowns in round-off, a smaller residual counts as progress.
+the energy drowns in round-off, a smaller residual counts as progress: any smaller one where the energy is the
+same to its last digits, one that is far smaller where terms that cancel have blurred a few more.
 
 A Hessian costs several gradients.  So its factor serves for up to two more steps where the residual
 falls so fast that these are expected to end the search.
@@ -25,6 +26,7 @@ from knitsim.jit import njit
 CONVERGED, TOO_MANY, NO_DESCENT, NOT_FINITE = 0, 1, 2, 3
 ARMIJO = 1e-4
 ROUND_OFF = 1e-13  # relative to the energy
+BLURRED, FALLEN = 1e-10, 0.1  # relative to the energy, to the residual
 HALVINGS = 30
 REUSES = 2  # steps with a factor after the first, where they are expected to end the search
 FADING = 2.0  # a factor's second step against its first: Newton's error e becomes c e^2, then 2 c e
@@ -55,6 +57,17 @@ def residual_of(gradient, scale, free):
         if not r <= largest:  # a NaN stays
             largest = r
     return largest
+
+
+@njit
+def gets_on(energy, new, aimed, residual, after):
+    """Whether a step gets on: from energy and residual to ``new`` and ``after``; aimed: slope by length."""
+    change = abs(new - energy)
+    return (
+        new <= energy + ARMIJO * aimed
+        or (change <= ROUND_OFF * abs(energy) and after < residual)
+        or (change <= BLURRED * abs(energy) and after < FALLEN * residual)
+    )
 
 
 @njit
@@ -168,10 +181,7 @@ def minimise(scene, y, free, listed, slip, control, work):
         finite = math.isfinite(new) and math.isfinite(after)
         restore = False
         if searching:
-            accepted = finite and (
-                new <= energy + ARMIJO * length * slope
-                or (abs(new - energy) <= ROUND_OFF * abs(energy) and after < residual)
-            )
+            accepted = finite and gets_on(energy, new, length * slope, residual, after)
             if finite and not accepted and on_trust < trust:
                 on_trust += 1
                 accepted = True

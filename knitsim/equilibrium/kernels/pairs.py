@@ -281,22 +281,41 @@ def _resized(pairs, weight, size):
 
 
 @njit
+def _can_meet_flat(scene, before, after, near, work):
+    # Pairs that are not listed are further apart than those that touch.
+    closest = min(math.sqrt(work.closest[0]), touching(scene))
+    return not closest - approach(scene, after, before) > near
+
+
+@njit
+def _can_meet_bent(scene, before, after, near, work):
+    return True
+
+
+# Whether two places may have been closer than ``near`` (m) on the way, by how far apart they are after it.
+can_meet = choose("scene.bend", _can_meet_bent, _can_meet_flat)
+
+
+@njit
 def passes(scene, before, after, work):
     """Whether yarns may pass through each other as y goes straight from ``before`` to ``after``.
 
     Conservative: between two contact points of a yarn its centre line stays within half their spacing of
     one of them, so that of two yarns that do not come closer than that in any pair of contact points
-    none passes.  Bounding boxes of runs of points, over both ends of the way, come first.
+    none passes.  work.closest must be that of ``after``: where no two places can have come from so far apart,
+    nothing else is looked at.  Bounding boxes of runs of points, over both ends of the way, come next.
     """
     m = work.points.shape[0]
     if m == 0:
+        return False
+    near = scene.touch.points[0].length * APART
+    if not can_meet(scene, before, after, near, work):
         return False
     start, end = np.empty((m, 3)), np.empty((m, 3))
     from_ = expand(scene.map, before, work.x)
     place_points(scene.touch, work.x, start)
     to = expand(scene.map, after, work.x)
     place_points(scene.touch, work.x, end)
-    near = scene.touch.points[0].length * APART
     chunks = (m + CHUNK - 1) // CHUNK
     low, high = np.empty((chunks, 3)), np.empty((chunks, 3))
     later_low, later_high = np.empty((chunks, 3)), np.empty((chunks, 3))

@@ -413,37 +413,3 @@ def add_slip_blocks(scene, points, lattice, slip, coupling, graph, parts):
         _, f, bend = spring_at(size, rub.stiffness, rub.limit)
         h = slip_matrix(f, bend / (size * size) if bend != 0.0 else 0.0, rub.normal, u)
         add_pair_blocks(scene, pair, coupling[j], h, graph, parts)
-
-
-@njit
-def spread(blocks, rows, columns, unknown, matrix):
-    """Add the blocks to the values of a symmetric matrix in compressed columns.
-
-    rows, columns (n,): control points of each block; unknown (control points, 3): number of each
-    component in the matrix, -1 where it is held; matrix: (start, index, value) of the columns.
-    """
-    start, index, value = matrix
-    for at in range(rows.size):
-        r, c = rows[at], columns[at]
-        for i in range(3):
-            for j in range(3):
-                p, q = unknown[r, i], unknown[c, j]
-                if p < 0 or q < 0:
-                    continue
-                h = blocks[at, i, j]
-                value[place_of(start, index, p, q)] += h
-                if r != c:
-                    value[place_of(start, index, q, p)] += h
-
-
-@njit
-def place_of(start, index, row, column):
-    """Where the row stands in the column, rows in rising order."""
-    low, high = start[column], start[column + 1] - 1
-    while low < high:
-        middle = (low + high) // 2
-        if index[middle] < row:
-            low = middle + 1
-        else:
-            high = middle
-    return low

@@ -29,6 +29,7 @@ from knitsim.equilibrium.large import assembly as kernels
 SHIFT, SHIFT_STEP, SHIFTS = 1e-6, 4.0, 40  # of the largest diagonal entry; growth; tries
 KRYLOV, REFACTOR = 60, 20  # back substitutions at most; above this the factor is renewed
 FORCING = 1e-6  # how much smaller the residual of the linear problem must become
+KEPT = 0.5  # couplings that stay in a pattern though they do not touch, over the pairs that do
 COUNTED = ("factor", "pattern", "pairs", "krylov")
 
 
@@ -36,14 +37,15 @@ COUNTED = ("factor", "pattern", "pairs", "krylov")
 class Pattern:
     """Where the entries of the Hessian are, for given touching spans.
 
-    keys: the couplings (rising); rows, columns: control points of each block; start, index:
-    compressed columns of the sparse matrix.
+    keys: the couplings (rising); blocks: how many there are; entries, places: numbers of their entries, and
+    where among the values of the sparse matrix each is added; start, index: its compressed columns.
     """
 
     keys: np.ndarray
     graph: kernels.Graph
-    rows: np.ndarray
-    columns: np.ndarray
+    blocks: int
+    entries: np.ndarray
+    places: np.ndarray
     start: np.ndarray
     index: np.ndarray
 
@@ -188,13 +190,18 @@ def _pattern_of(work, keys):
     p = np.broadcast_to(work.number[rows][:, :, None], (len(rows), 3, 3)).ravel()
     q = np.broadcast_to(work.number[columns][:, None, :], (len(rows), 3, 3)).ravel()
     inside = (p >= 0) & (q >= 0)
-    p, q = p[inside].astype(np.int32), q[inside].astype(np.int32)
+    p, q, entries = p[inside], q[inside], np.flatnonzero(inside)
     size = work.cell.count
     # Boolean entries: those that fall on each other are one.
     half = sparse.coo_matrix((np.ones(len(p), dtype=bool), (p, q)), shape=(size, size)).tocsc()
     whole = (half + half.T).tocsc()
     whole.sort_indices()
-    return Pattern(keys, graph, rows, columns, whole.indptr, whole.indices)
+    # A block off the diagonal stands on both sides of it.
+    both = np.repeat(rows != columns, 9)[inside]
+    stored = np.repeat(np.arange(size), np.diff(whole.indptr)) * size + whole.indices
+    places = np.searchsorted(stored, np.concatenate([q * size + p, (p * size + q)[both]]))
+    entries = np.concatenate([entries, entries[both]])
+    return Pattern(keys, graph, len(rows), entries, places, whole.indptr, whole.indices)
 
 
 def _couplings(work, keys):
@@ -205,7 +212,9 @@ def _couplings(work, keys):
         not len(k) or (n.max() < len(known) and np.array_equal(known[n], k))
         for k, n in zip(keys, numbers, strict=True)
     ):
-        known = np.unique(np.concatenate(keys))
+        # Those that were touching may touch again: a pattern costs more than some zeros.
+        kept = known if len(known) < KEPT * sum(map(len, keys)) else known[:0]
+        known = np.unique(np.concatenate([*keys, kept]))
         work.pattern = _pattern_of(work, known)
         work.counts["pattern"] += 1
         numbers = [np.searchsorted(known, k) for k in keys]
@@ -226,7 +235,7 @@ class Linear:
         )
         pattern, inner = work.pattern, work.work
         parts = kernels.Parts(
-            np.zeros((len(pattern.rows), 3, 3)),
+            np.zeros((pattern.blocks, 3, 3)),
             np.zeros((len(work.unknown), 3, LATTICE)),
             np.zeros((LATTICE, LATTICE)),
         )
@@ -237,14 +246,8 @@ class Linear:
         kernels.add_contact_blocks(scene, inner.points, lattice, listed, graph, parts)
         if slip:
             kernels.add_slip_blocks(scene, inner.points, lattice, slip, *rubbing, graph, parts)
-        value = np.zeros(len(pattern.index))
-        kernels.spread(
-            parts.blocks,
-            pattern.rows,
-            pattern.columns,
-            work.number,
-            (pattern.start, pattern.index, value),
-        )
+        added = parts.blocks.ravel()[pattern.entries]
+        value = np.bincount(pattern.places, added, len(pattern.index))
         size = work.cell.count
         self.matrix = sparse.csc_matrix((value, pattern.index, pattern.start), shape=(size, size))
         self.border, self.corner = np.zeros((size, LATTICE)), parts.corner

@@ -35,13 +35,12 @@ from knitsim.equilibrium.kernels.follow import (
     resolved,
 )
 from knitsim.equilibrium.kernels.newton import (
-    ARMIJO,
     CONVERGED,
     HALVINGS,
     NO_DESCENT,
     NOT_FINITE,
-    ROUND_OFF,
     TOO_MANY,
+    gets_on,
     largest_move,
     residual_of,
 )
@@ -91,9 +90,8 @@ def sparse_minimise(scene, y, free, pairs, slip, control, work):
         for _ in range(HALVINGS + 1):
             point = y + length * step
             new, after, pairs = at(point, pairs)
-            lower = new <= energy + ARMIJO * length * slope
-            drowned = abs(new - energy) <= ROUND_OFF * abs(energy) and after < residual
-            if math.isfinite(new) and math.isfinite(after) and (lower or drowned):
+            finite = math.isfinite(new) and math.isfinite(after)
+            if finite and gets_on(energy, new, length * slope, residual, after):
                 if not (control.certify and passes(scene, y, point, inner)):
                     break
             length *= 0.5
