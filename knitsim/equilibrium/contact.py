@@ -30,6 +30,7 @@ from typing import ClassVar
 from knitsim.errors import InputError, number
 
 CORE, TABLE = 1, 2  # kinds of soft laws, see kernels.contact.soft_at
+TERMS = 14  # of power series of a core law, see kernels.mean.core_integrals
 # Spacing of the contact points, in diameters.  Two crossing yarns of bending rigidity B touch along
 # about d (B/(K d^3))^(1/4): a force B/d^2 presses them by delta diameters, K d delta^2 = B/d^2, and
 # their gap stays below that over sqrt(delta) d.  The factor makes it d/16 for a cotton jersey.
@@ -141,7 +142,7 @@ class ContactLaw(ABC):
         return min(smooth, diameter * max(NARROWEST, BARRIER_SPACING * slender**0.25))
 
     def soft(self, diameter):
-        """What the kernels need of it besides its stiffness: kind and parameters, or kind and table."""
+        """What the kernels need of it besides its stiffness: kind, then parameters and series, or table."""
         return _table(self, diameter)
 
     def for_kernels(self, diameter):
@@ -274,4 +275,10 @@ class CoreContact(ContactLaw):
     def soft(self, diameter):
         import numpy as np
 
-        return np.array([CORE, self.exponent])
+        q = self.exponent - 1.0
+        if abs(q - 1.0) < 1e-5:  # what is divided by q - 1 stays away from it
+            q = 1.0 + 1e-5
+        n = np.arange(2.0, TERMS + 2.0)
+        series = 0.5 * q * (q + 1.0) * np.cumprod(np.append(1.0, (q + n[:-1]) / (n[:-1] + 1.0)))
+        once = series / (n + 1.0)
+        return np.concatenate([[CORE, self.exponent, q], series, once, once / (n + 2.0)])

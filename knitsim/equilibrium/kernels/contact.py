@@ -12,10 +12,10 @@ from knitsim.equilibrium.contact import CORE
 from knitsim.equilibrium.kernels.mean import THIN, mean_at
 from knitsim.equilibrium.kernels.pairs import touching
 from knitsim.equilibrium.kernels.records import LATTICE
-from knitsim.jit import choose, njit
+from knitsim.jit import choose, leaf, njit
 
 
-@njit
+@leaf
 def barrier_at(square, law):
     """Energy v (J/m2) and its first two derivatives by the squared distance: K (1 - x^2)^2/x^2."""
     d2 = law.diameter * law.diameter
@@ -28,7 +28,7 @@ def barrier_at(square, law):
     return stiffness * gap * gap * i, first, second
 
 
-@njit
+@leaf
 def soft_at(square, law):
     """As :func:`barrier_at`, of a core law or a tabulated one; inside a core: inf."""
     if square >= law.diameter * law.diameter:
@@ -55,7 +55,7 @@ def soft_at(square, law):
 law_at = choose("law.soft", soft_at, barrier_at)
 
 
-@njit
+@leaf
 def table_at(z, table):
     """Energy and its first two derivatives by the gap z of a tabulated law; below the table: inf."""
     j = int(-math.log(z) / table[1])
@@ -71,7 +71,7 @@ def table_at(z, table):
     return v, first / h, second / (h * h)
 
 
-@njit
+@leaf
 def isotropic_plus(first, second, d):
     """The matrix first I + second d d^T as a tuple of rows."""
     x, y, z = second * d[0], second * d[1], second * d[2]
@@ -82,7 +82,7 @@ def isotropic_plus(first, second, d):
     )
 
 
-@njit
+@leaf
 def separation(touch, points, lattice, pair):
     """d, from the image of point k to point i (m)."""
     i, k, g = pair
@@ -103,9 +103,18 @@ def add_pushes(touch, near, push, order, gradient, half):
     yz, zz.  d = x_i - sign x_k - m1 a1 - m2 a2, so that dd/dx_k = -sign, dd/da1 = -m1, dd/da2 = -m2.
     order as in ``add_flat_contact``.  Sums by contact point come first, the basis of the spline last.
     """
+    m = touch.points.size
+    add_forces(touch, near, push, np.zeros((m, 3)), gradient)
+    if order == 2:
+        own, mixed = np.zeros((m, 6)), np.zeros((m, 3, 4))
+        add_stiffness(touch, near, push, own, mixed, (np.zeros(6), np.zeros((4, 6))), half)
+
+
+@leaf
+def add_forces(touch, near, push, force, gradient):
+    """The gradient's part of :func:`add_pushes`; force (m, 3): zeros."""
     points, images = touch.points, touch.images
     n = gradient.size - LATTICE
-    force = np.zeros((points.size, 3))
     for j in range(near.shape[0]):
         i, k, g = near[j, 0], near[j, 1], near[j, 2]
         for axis in range(3):
@@ -120,18 +129,18 @@ def add_pushes(touch, near, push, order, gradient, half):
         for a in range(4):
             for axis in range(3):
                 gradient[row + 3 * a + axis] += points[i].basis[a] * force[i, axis]
-    if order == 2:
-        add_stiffness(touch, near, push, half)
 
 
-@njit
-def add_stiffness(touch, near, push, half):
-    """The Hessian's part of :func:`add_pushes`: a matrix A with Hessian = A + A^T."""
+@leaf
+def add_stiffness(touch, near, push, own, mixed, run, half):
+    """The Hessian's part of :func:`add_pushes`: a matrix A with Hessian = A + A^T.
+
+    All zeros at first: by contact point, own (m, 6), Hessian by its place, packed as in push; mixed (m, 3,
+    4), by its place and L; run: over a run of pairs with the same i, g and span of k the sum (6,), and the
+    sum with each basis value of k (4, 6).
+    """
     points, images = touch.points, touch.images
-    # By contact point: Hessian by its place, packed as in push; by its place and L, (3, 4).
-    own, mixed = np.zeros((points.size, 6)), np.zeros((points.size, 3, 4))
-    # Over a run of pairs with the same i, g and span of k: sum, and sum with each basis value of k.
-    total, cross = np.zeros(6), np.zeros((4, 6))
+    total, cross = run
     for j in range(near.shape[0]):
         i, k, g = near[j, 0], near[j, 1], near[j, 2]
         sign, steps = images[g].sign, images[g].steps
@@ -181,7 +190,7 @@ def add_stiffness(touch, near, push, half):
             add_own(points, i, own, mixed, half)
 
 
-@njit
+@leaf
 def add_run(points, i, k, image, total, cross, half):
     """Add the Hessian between point i and the points of the span of k, and that by the lattice."""
     n = half.shape[0] - LATTICE
@@ -208,7 +217,7 @@ def add_run(points, i, k, image, total, cross, half):
                 half[n + 2 * c + 1, n + 2 * e + 1] += m * total[3]
 
 
-@njit
+@leaf
 def add_own(points, i, own, mixed, half):
     """Add the Hessian by the place of point i (packed as in ``add_pushes``), and by it and L."""
     n, row = half.shape[0] - LATTICE, 3 * points[i].first
@@ -229,7 +238,7 @@ def add_own(points, i, own, mixed, half):
                 half[row + 3 * a + r, n + e] += basis[a] * mixed[i, r, e]
 
 
-@njit
+@leaf
 def steps_at(touch, points, pair):
     """Steps along both yarns from a pair to the next contact points (m), and by how much these change.
 
@@ -249,12 +258,12 @@ def steps_at(touch, points, pair):
     )
 
 
-@njit
+@leaf
 def dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit
+@leaf
 def cell_mean(square, along, other, law):
     """Mean of the law over a cell whose squared distance changes by along and other across it.
 
@@ -272,7 +281,7 @@ def cell_mean(square, along, other, law):
     )  # fmt: skip
 
 
-@njit
+@leaf
 def flat_mean(d, steps, law):
     """:func:`cell_mean` of a pair of a flat fabric: d its distance vector, steps of :func:`steps_at`."""
     e, f, c = steps
@@ -280,7 +289,7 @@ def flat_mean(d, steps, law):
     return cell_mean(dot(d, d) + lift / 12.0, 2.0 * dot(d, e), -2.0 * dot(d, f), law)
 
 
-@njit
+@leaf
 def flat_push(d, steps, mean, weight):
     """Derivative of a pair's energy by d."""
     e, f, c = steps
@@ -293,7 +302,7 @@ def flat_push(d, steps, mean, weight):
     )
 
 
-@njit
+@leaf
 def flat_matrix(d, steps, mean, weight):
     """Hessian by d of a pair's energy (xx, xy, xz, yy, yz, zz), its steps held."""
     e, f, _ = steps
@@ -325,11 +334,21 @@ def add_flat_contact(scene, lattice, listed, order, work):
     order 2 also to work.half; of the Hessian that by the distance vectors alone, which lacks a few per
     cent of the changes of the cells and leaves Newton's method next to quadratic.
     """
+    size = listed.weight.size if order > 0 else 0
+    near, push = np.empty((size, 3), dtype=np.int64), np.empty((size, 9))
+    frame = np.zeros((work.points.shape[0] if size > 0 else 0, 6))
+    energy, count = flat_pairs(scene, lattice, listed, order, near, push, frame, work)
+    if count > 0:
+        add_pushes(scene.touch, near[:count], push[:count], order, work.expanded, work.half)
+        add_frames(scene.touch, frame, work.expanded)
+    return energy
+
+
+@leaf
+def flat_pairs(scene, lattice, listed, order, near, push, frame, work):
+    """Energy (J) of the pairs and how many touch; fills of these near and push, and frame."""
     touch, law, points = scene.touch, scene.law, work.points
     pairs, weight = listed.pairs, listed.weight
-    size = weight.size if order > 0 else 0
-    near, push = np.empty((size, 3), dtype=np.int64), np.empty((size, 9))
-    frame = np.zeros((points.shape[0] if size > 0 else 0, 6))
     energy, closest, count = 0.0, math.inf, 0
     outside = touching(scene) ** 2
     for j in range(weight.size):
@@ -364,14 +383,11 @@ def add_flat_contact(scene, lattice, listed, order, work):
             for r in range(6):
                 push[count, 3 + r] = h[r]
         count += 1
-    if count > 0:
-        add_pushes(touch, near[:count], push[:count], order, work.expanded, work.half)
-        add_frames(touch, frame, work.expanded)
     work.closest[0] = closest
-    return energy
+    return energy, count
 
 
-@njit
+@leaf
 def add_frames(touch, frame, gradient):
     """Add to the gradient what contact points do by their derivatives; frame (m, 6): energies by these."""
     for i in range(touch.points.size):

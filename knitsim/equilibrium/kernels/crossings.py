@@ -9,10 +9,10 @@ state that shows any crossing more than a plain knit does is refused, though it 
 import numpy as np
 
 from knitsim.equilibrium.kernels.pairs import boxes_of, expand, image_is_far, place_points
-from knitsim.jit import njit
+from knitsim.jit import leaf, njit
 
 
-@njit
+@leaf
 def segments_crossing(points, i, k, start, side, facing):
     """(p, above): where the segment from vertex i on crosses an image of that from vertex k on.
 
@@ -94,7 +94,7 @@ def crossings_of(trace, points, lattice, limit):
     return code[:count]
 
 
-@njit
+@leaf
 def same_crossings(found, expected):
     """Whether the codes are the expected ones."""
     if found.size != expected.size:

@@ -21,14 +21,13 @@ import math
 
 import numpy as np
 
-from knitsim.equilibrium.kernels.contact import add_frames, cell_mean
-from knitsim.equilibrium.kernels.pairs import curvature_at, touching
+from knitsim.equilibrium.kernels.pairs import curvature_at
 from knitsim.equilibrium.kernels.records import ANGLE, LATTICE
 from knitsim.equilibrium.kernels.yarn import add_form, is_turned, locked_point, yarn_point
-from knitsim.jit import njit
+from knitsim.jit import leaf, njit
 
 
-@njit
+@leaf
 def chord_square(delta, kappa):
     """q, its first two derivatives by dx; by kappa the first of q and of dq/ddx, the second of q."""
     angle = kappa * delta
@@ -42,15 +41,16 @@ def chord_square(delta, kappa):
             kappa * s * delta * (-2.0 / 3.0 + a / 15.0 - a * a / 420.0),
             s * s * (-1.0 / 6.0 + a / 30.0 - a * a / 672.0),
         )
-    q = (2.0 * math.sin(0.5 * angle) / kappa) ** 2
-    first, second = 2.0 * math.sin(angle) / kappa, 2.0 * math.cos(angle)
+    sine, cosine = math.sin(0.5 * angle), math.cos(0.5 * angle)
+    q = (2.0 * sine / kappa) ** 2
+    first, second = 4.0 * sine * cosine / kappa, 2.0 - 4.0 * sine * sine
     by_kappa, mixed = (delta * first - 2.0 * q) / kappa, (delta * second - first) / kappa
     return q, first, second, by_kappa, mixed, (delta * mixed - 3.0 * by_kappa) / kappa
 
 
 # The local variables of a Gauss point: x', y', z', x'', y'', z'', z, each an axis and a row of the
 # derivatives of the basis.
-@njit
+@leaf
 def local_variables(point, bent, axes, weights):
     """Fill axes (7,) and weights (7, 4) of a Gauss point."""
     for i in range(7):
@@ -65,7 +65,7 @@ def local_variables(point, bent, axes, weights):
         weights[6, k] = point.d0[k]
 
 
-@njit
+@leaf
 def local_values(first, x, axes, weights, local):
     """Fill local (7,) from the control points x."""
     for i in range(7):
@@ -74,7 +74,7 @@ def local_values(first, x, axes, weights, local):
             local[i] += weights[i, k] * x[first + k, axes[i]]
 
 
-@njit
+@leaf
 def motion(local, kappa):
     """Velocity and acceleration by the parameter in the frame of the cylinder."""
     u, z1, m = local[0], local[2], 1.0 + kappa * local[6]
@@ -147,7 +147,7 @@ def add_local(first, local, kappa, order, table, work):
             work.bent.mixed[3 * (first + k) + axes[i]] += g * weights[i, k]
 
 
-@njit
+@leaf
 def locked_bent(scene, point, v, w, order, form, tangent, terms):
     # In the frame of the cylinder: bent direction, axis, thickness.  Two axes exchanged, a curvature
     # vector, which is axial, changes its sign.
@@ -177,232 +177,12 @@ def add_bent_yarn(scene, lattice, order, work):
             add_local(point.first, local, kappa, order, (form, tangent, axes, weights), work)
 
 
-@njit
-def gaps_at(scene, points, lattice, pair):
-    """dx, dy, z_i, z_k of a pair in the fabric's coordinates (m)."""
-    i, k, g = pair
-    bent = scene.bend.direction
-    other = 1 - bent
-    image = scene.touch.images[g]
-    m1, m2 = image.steps[0], image.steps[1]
-    dx = points[i, bent] - image.sign[bent] * points[k, bent]
-    dy = points[i, other] - image.sign[other] * points[k, other]
-    return (
-        dx - m1 * lattice[bent] - m2 * lattice[2 + bent],
-        dy - m1 * lattice[other] - m2 * lattice[2 + other],
-        points[i, 2],
-        points[k, 2],
-    )
-
-
-@njit
-def add_gaps(scene, pair, order, slope, bend, table, work):
-    """Add an energy of (dx, dy, z_i, z_k, kappa) with gradient slope (5,) and Hessian bend (5, 5).
-
-    Of bend only the upper triangle counts.  table: buffers (4, 10) for rows and factors.
-    """
-    i, k, g = pair
-    touch, bent = scene.touch, scene.bend.direction
-    other, n = 1 - bent, work.expanded.size - LATTICE
-    row, factor = table
-    image = touch.images[g]
-    m1, m2 = image.steps[0], image.steps[1]
-    # The four as linear forms of control points and lattice.
-    for a in range(4):
-        ri, rk = 3 * (touch.points[i].first + a), 3 * (touch.points[k].first + a)
-        bi, bk = touch.points[i].basis[a], touch.points[k].basis[a]
-        row[0, a], factor[0, a] = ri + bent, bi
-        row[0, 4 + a], factor[0, 4 + a] = rk + bent, -image.sign[bent] * bk
-        row[1, a], factor[1, a] = ri + other, bi
-        row[1, 4 + a], factor[1, 4 + a] = rk + other, -image.sign[other] * bk
-        row[2, a], factor[2, a] = ri + 2, bi
-        row[3, a], factor[3, a] = rk + 2, bk
-    row[0, 8], row[0, 9], factor[0, 8], factor[0, 9] = n + bent, n + 2 + bent, -m1, -m2
-    row[1, 8], row[1, 9], factor[1, 8], factor[1, 9] = n + other, n + 2 + other, -m1, -m2
-    work.bent.by_kappa[0] += slope[4]
-    for a in range(4):
-        for r in range(10 if a < 2 else 4):
-            work.expanded[row[a, r]] += slope[a] * factor[a, r]
-    if order == 1:
-        return
-    work.bent.by_kappa[1] += bend[4, 4]
-    for a in range(4):
-        for r in range(10 if a < 2 else 4):
-            work.bent.mixed[row[a, r]] += bend[a, 4] * factor[a, r]
-        for b in range(a, 4):
-            h = bend[a, b] * (0.5 if a == b else 1.0)
-            if h == 0.0:
-                continue
-            for r in range(10 if a < 2 else 4):
-                left = h * factor[a, r]
-                for s in range(10 if b < 2 else 4):
-                    work.half[row[a, r], row[b, s]] += left * factor[b, s]
-
-
-@njit
-def bent_square(gaps, kappa, by, curved):
-    """Squared distance (m2) of a pair; fills its derivatives by dx, dy, z_i, z_k, kappa.
-
-    by (5,), curved (5, 5): first and second ones.
-    """
-    dx, dy, zi, zk = gaps
-    mi, mk, dz = 1.0 + kappa * zi, 1.0 + kappa * zk, zi - zk
-    q, q1, q2, qk, q1k, qkk = chord_square(dx, kappa)
-    both, cross = mi * mk, zi * mk + zk * mi
-    by[0], by[1] = both * q1, 2.0 * dy
-    by[2], by[3] = 2.0 * dz + kappa * mk * q, -2.0 * dz + kappa * mi * q
-    by[4] = cross * q + both * qk
-    curved[:] = 0.0
-    curved[0, 0] = both * q2
-    curved[0, 2] = kappa * mk * q1
-    curved[0, 3] = kappa * mi * q1
-    curved[0, 4] = cross * q1 + both * q1k
-    curved[1, 1] = curved[2, 2] = curved[3, 3] = 2.0
-    curved[2, 3] = kappa * kappa * q - 2.0
-    curved[2, 4] = (mk + kappa * zk) * q + kappa * mk * qk
-    curved[3, 4] = (mi + kappa * zi) * q + kappa * mi * qk
-    curved[4, 4] = 2.0 * zi * zk * q + 2.0 * cross * qk + both * qkk
-    for a in range(5):
-        for b in range(a):
-            curved[a, b] = curved[b, a]
-    return dy * dy + dz * dz + both * q
-
-
-@njit
-def bent_steps(scene, points, pair, step):
-    """Fill step (3, 5) with what dx, dy, z_i, z_k change to the next points along i and along k.
-
-    The last row holds the sum of their second differences.
-    """
-    i, k, g = pair
-    bent = scene.bend.direction
-    other, sign = 1 - bent, scene.touch.images[g].sign
-    step[:] = 0.0
-    step[0, 0], step[0, 1], step[0, 2] = points[i, 3 + bent], points[i, 3 + other], points[i, 5]
-    step[1, 0], step[1, 1] = -sign[bent] * points[k, 3 + bent], -sign[other] * points[k, 3 + other]
-    step[1, 3] = points[k, 5]
-    step[2, 0] = points[i, 6 + bent] - sign[bent] * points[k, 6 + bent]
-    step[2, 1] = points[i, 6 + other] - sign[other] * points[k, 6 + other]
-    step[2, 2], step[2, 3] = points[i, 8], points[k, 8]
-
-
-@njit
-def bent_lift(gaps, kappa, step, slope, factor):
-    """Part of the lift of a cell that the squares of the steps make; adds its slope times factor.
-
-    slope (5,) by dx, dy, z_i, z_k, kappa.
-    """
-    dx, _, zi, zk = gaps
-    mi, mk = 1.0 + kappa * zi, 1.0 + kappa * zk
-    _, q1, q2, _, q1k, _ = chord_square(dx, kappa)
-    both, cross = mi * mk, zi * mk + zk * mi
-    q3, q2k = -kappa * kappa * q1, -2.0 * dx * math.sin(kappa * dx)
-    lift = 0.0
-    for r in range(2):
-        u, v = step[r, 0], step[r, 1]
-        z, m = (step[r, 2], mk) if r == 0 else (step[r, 3], mi)
-        twice = 2.0 * kappa * u * z
-        lift += both * q2 * u * u + twice * m * q1 + 2.0 * (v * v + z * z)
-        slope[0] += factor * (both * q3 * u * u + twice * m * q2)
-        slope[2] += factor * kappa * mk * q2 * u * u
-        slope[3] += factor * kappa * mi * q2 * u * u
-        slope[3 - r] += factor * twice * kappa * q1
-        slope[4] += factor * (cross * q2 + both * q2k) * u * u
-        slope[4] += (
-            factor * 2.0 * u * z * (m * q1 + kappa * ((zk if r == 0 else zi) * q1 + m * q1k))
-        )
-    return lift
-
-
-@njit
-def add_bent_contact(scene, lattice, listed, order, work):
-    """As :func:`knitsim.equilibrium.kernels.contact.add_flat_contact`, with the derivatives by kappa."""
-    kappa, points = curvature_at(scene, lattice), work.points
-    pairs, weight, touch = listed.pairs, listed.weight, scene.touch
-    energy, closest, bent = 0.0, math.inf, scene.bend.direction
-    table = (np.zeros((4, 10), dtype=np.int64), np.zeros((4, 10)))
-    slope, bend, by, curved = np.zeros(5), np.zeros((5, 5)), np.zeros(5), np.zeros((5, 5))
-    step, unused, rows = np.zeros((3, 5)), np.zeros(5), np.zeros((3, 5))
-    frame = np.zeros((points.shape[0], 6))
-    outside = touching(scene) ** 2
-    for j in range(weight.size):
-        pair = (pairs[j, 0], pairs[j, 1], pairs[j, 2])
-        gaps = gaps_at(scene, points, lattice, pair)
-        square = bent_square(gaps, kappa, by, curved)
-        closest = min(closest, square)
-        if square >= outside:
-            continue
-        bent_steps(scene, points, pair, step)
-        mean = bent_mean(scene, gaps, kappa, step, square, by, unused)
-        if mean[0] == 0.0:
-            continue
-        w = weight[j]
-        energy += w * mean[0]
-        if order == 0:
-            continue
-        # Of the square, its change along either yarn: derivatives by the five.
-        for a in range(5):
-            rows[0, a], rows[1, a], rows[2, a] = by[a], 0.0, 0.0
-            for b in range(4):
-                rows[1, a] += curved[a, b] * step[0, b]
-                rows[2, a] += curved[a, b] * step[1, b]
-        q, n = w * mean[1], w * mean[1] / 24.0
-        for a in range(5):
-            slope[a] = q * by[a] + w * (mean[2] * rows[1, a] + mean[3] * rows[2, a])
-            for b in range(4):
-                slope[a] += n * curved[a, b] * step[2, b]
-        bent_lift(gaps, kappa, step, slope, n)
-        i, k, g = pair
-        sign = touch.images[g].sign
-        for axis in range(3):
-            # The thickness of either point counts by itself.
-            at = 2 if axis == 2 else (axis if bent == 0 else 1 - axis)
-            of_k, turned = (3, 1.0) if axis == 2 else (at, -sign[axis])
-            more, most = 0.0, 0.0
-            for b in range(4):
-                more += curved[at, b] * step[0, b]
-                most += curved[of_k, b] * step[1, b]
-            frame[i, axis] += w * mean[2] * by[at] + 2.0 * n * more
-            frame[k, axis] += turned * (w * mean[3] * by[of_k] + 2.0 * n * most)
-            frame[i, 3 + axis] += n * by[at]
-            frame[k, 3 + axis] += turned * n * by[of_k]
-        if order == 2:
-            qq, qa, qb = w * mean[4], w * mean[5], w * mean[6]
-            aa, ab, bb = w * mean[7], w * mean[8], w * mean[9]
-            for a in range(5):
-                x, y, z = rows[0, a], rows[1, a], rows[2, a]
-                x, y, z = (
-                    qq * x + qa * y + qb * z,
-                    qa * x + aa * y + ab * z,
-                    qb * x + ab * y + bb * z,
-                )
-                for b in range(a, 5):
-                    bend[a, b] = q * curved[a, b] + x * rows[0, b] + y * rows[1, b] + z * rows[2, b]
-        add_gaps(scene, pair, order, slope, bend, table, work)
-    if order > 0:
-        add_frames(touch, frame, work.expanded)
-    work.closest[0] = closest
-    return energy
-
-
-@njit
-def bent_mean(scene, gaps, kappa, step, square, by, unused):
-    """The :func:`.contact.cell_mean` of a pair; by (5,): derivatives of its square, step of bent_steps."""
-    along = other = lift = 0.0
-    for a in range(4):
-        along += by[a] * step[0, a]
-        other += by[a] * step[1, a]
-        lift += by[a] * step[2, a]
-    lift += bent_lift(gaps, kappa, step, unused, 0.0)
-    return cell_mean(square + lift / 24.0, along, other, scene.law)
-
-
-@njit
+@leaf
 def no_kappa(scene, lattice, order, work):
     """Nothing to begin or end: the scene is flat."""
 
 
-@njit
+@leaf
 def begin_kappa(scene, lattice, order, work):
     """Clear the derivatives by kappa."""
     work.bent.by_kappa[:] = 0.0
@@ -410,7 +190,7 @@ def begin_kappa(scene, lattice, order, work):
         work.bent.mixed[:] = 0.0
 
 
-@njit
+@leaf
 def end_kappa(scene, lattice, order, work):
     """Add what angle and spacing do by way of kappa = angle/w to work.expanded and work.half."""
     if order == 0:

@@ -12,13 +12,13 @@ import math
 
 import numpy as np
 
-from knitsim.equilibrium.kernels.curved import add_gaps, gaps_at
+from knitsim.equilibrium.kernels.curved_contact import add_gaps, gaps_at
 from knitsim.equilibrium.kernels.friction import across, slip_matrix, spring_at
 from knitsim.equilibrium.kernels.pairs import curvature_at
-from knitsim.jit import njit
+from knitsim.jit import leaf, njit
 
 
-@njit
+@leaf
 def arm_at(delta, kappa):
     """s (m) and its first two derivatives by kappa (m2, m3)."""
     angle, cube = 0.5 * kappa * delta, delta * delta * delta
@@ -34,7 +34,7 @@ def arm_at(delta, kappa):
     return s, first, -(0.25 * delta * delta * s * kappa + 2.0 * first) / kappa
 
 
-@njit
+@leaf
 def vector_at(gaps, kappa):
     """The vector d between the centre lines of a pair (m)."""
     dx, dy, zi, zk = gaps
@@ -45,10 +45,20 @@ def vector_at(gaps, kappa):
 @njit
 def add_bent_friction(scene, lattice, slip, order, work):
     """Potential of the friction between yarns (J); order as in ``add_flat_contact``."""
-    kappa, points, energy = curvature_at(scene, lattice), work.points, 0.0
-    table = (np.zeros((4, 10), dtype=np.int64), np.zeros((4, 10)))
-    slope, bend = np.zeros(5), np.zeros((5, 5))
-    by, turned = np.zeros((5, 3)), np.zeros(3)
+    size = slip.pairs.size if order > 0 else 0
+    near, push = np.empty((size, 3), dtype=np.int64), np.empty((size, 20))
+    buffers = np.zeros((5, 5)), np.zeros((5, 3)), np.zeros(3)
+    energy, count = _bent_pairs(scene, lattice, slip, order, near, push, buffers, work)
+    if count > 0:
+        add_gaps(scene, near[:count], push[:count], order, work)
+    return energy
+
+
+@leaf
+def _bent_pairs(scene, lattice, slip, order, near, push, buffers, work):
+    """Energy (J) of the pairs and how many rub; fills of these near and push, as of ``add_gaps``."""
+    kappa, points, energy, count = curvature_at(scene, lattice), work.points, 0.0, 0
+    bend, by, turned = buffers
     for j in range(slip.pairs.size):
         rub = slip.pairs[j]
         if rub.limit == 0.0:
@@ -71,7 +81,7 @@ def add_bent_friction(scene, lattice, slip, order, work):
         by[3, 0], by[3, 2] = kappa * s, -c
         by[4, 0], by[4, 2] = z * s + both * sk, -dz * half * dx * s
         for a in range(5):
-            slope[a] = f * (by[a, 0] * u[0] + by[a, 1] * u[1] + by[a, 2] * u[2])
+            push[count, a] = f * (by[a, 0] * u[0] + by[a, 1] * u[1] + by[a, 2] * u[2])
         if order == 2:
             h = slip_matrix(f, tail / (size * size) if tail != 0.0 else 0.0, rub.normal, u)
             for a in range(5):
@@ -89,5 +99,12 @@ def add_bent_friction(scene, lattice, slip, order, work):
             bend[2, 4] += 0.5 * dx * (fx * c - fz * kappa * s)
             bend[3, 4] += 0.5 * dx * (fx * c + fz * kappa * s)
             bend[4, 4] += fx * (2.0 * z * sk + both * skk) - 0.25 * fz * dz * dx * dx * c
-        add_gaps(scene, pair, order, slope, bend, table, work)
-    return energy
+            at = 5
+            for a in range(5):
+                for b in range(a, 5):
+                    push[count, at] = bend[a, b]
+                    at += 1
+        for axis in range(3):
+            near[count, axis] = pair[axis]
+        count += 1
+    return energy, count

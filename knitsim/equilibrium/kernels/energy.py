@@ -6,26 +6,26 @@ import numpy as np
 
 from knitsim.equilibrium.kernels.contact import add_flat_contact
 from knitsim.equilibrium.kernels.curved import (
-    add_bent_contact,
     add_bent_yarn,
     begin_kappa,
     end_kappa,
     no_kappa,
 )
+from knitsim.equilibrium.kernels.curved_contact import add_bent_contact
 from knitsim.equilibrium.kernels.fixtures import add_couples, add_cylinders
 from knitsim.equilibrium.kernels.pairs import expand, place_frames
 from knitsim.equilibrium.kernels.records import LATTICE, Bent, Work
 from knitsim.equilibrium.kernels.slip import add_friction
 from knitsim.equilibrium.kernels.yarn import add_flat_yarn
-from knitsim.jit import choose, njit
+from knitsim.jit import choose, leaf, njit
 
 
-@njit
+@leaf
 def _nothing(scene, order, work):
     return 0.0
 
 
-@njit
+@leaf
 def _frictionless(scene, lattice, slip, order, work):
     return 0.0
 
@@ -57,7 +57,7 @@ def new_work(scene):
     )
 
 
-@njit
+@leaf
 def reduce_gradient(map_, expanded, gradient):
     """gradient = C^T expanded."""
     gradient[:] = 0.0
@@ -67,7 +67,7 @@ def reduce_gradient(map_, expanded, gradient):
             gradient[map_.entries[e].column] += map_.entries[e].value * g
 
 
-@njit
+@leaf
 def reduce_hessian(map_, half, hessian):
     """hessian = C^T (A + A^T) C for the half matrix A."""
     hessian[:] = 0.0

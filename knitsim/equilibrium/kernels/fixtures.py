@@ -7,16 +7,16 @@ import math
 
 from knitsim.equilibrium.kernels.contact import barrier_at, isotropic_plus
 from knitsim.equilibrium.kernels.records import Law
-from knitsim.jit import njit
+from knitsim.jit import leaf
 
 
-@njit
+@leaf
 def law_of(cylinder):
     """The barrier law of a cylinder."""
     return Law(cylinder.distance, 0.0, cylinder.stiffness, ())
 
 
-@njit
+@leaf
 def from_axis(cylinders, c, points, i):
     """Vector from the axis of cylinder c straight to point i (m)."""
     p, t = cylinders[c].point, cylinders[c].axis
@@ -25,7 +25,7 @@ def from_axis(cylinders, c, points, i):
     return (a - along * t[0], b - along * t[1], e - along * t[2])
 
 
-@njit
+@leaf
 def scatter_point(touch, i, force, gradient):
     """Add an energy gradient by the place of contact point i to the gradient by control points."""
     f = 3 * touch.points[i].first
@@ -34,7 +34,7 @@ def scatter_point(touch, i, force, gradient):
             gradient[f + 3 * a + axis] += touch.points[i].basis[a] * force[axis]
 
 
-@njit
+@leaf
 def add_point(touch, i, h, half):
     """Add a Hessian by the place of contact point i, a symmetric 3 x 3 tuple, to ``half``."""
     f = 3 * touch.points[i].first
@@ -46,7 +46,7 @@ def add_point(touch, i, h, half):
                     half[f + 3 * a + r, f + 3 * b + q] += value * touch.points[i].basis[b]
 
 
-@njit
+@leaf
 def add_cylinders(scene, order, work):
     """Contact energy of the yarn on the cylinders (J); order as in ``add_flat_contact``."""
     energy = 0.0
@@ -78,7 +78,7 @@ def add_cylinders(scene, order, work):
     return energy
 
 
-@njit
+@leaf
 def add_couples(scene, order, work):
     """Energy - M theta of the couples (J), theta the angle of the tangent about the couple's axis."""
     energy, couples, x = 0.0, scene.fixtures.couples, work.x

@@ -16,7 +16,7 @@ from knitsim.equilibrium.kernels.curved import add_local, local_values, local_va
 from knitsim.equilibrium.kernels.friction import spring_at
 from knitsim.equilibrium.kernels.pairs import curvature_at
 from knitsim.equilibrium.kernels.yarn import derivatives_at, scatter
-from knitsim.jit import blank, choose, njit
+from knitsim.jit import blank, choose, leaf, njit
 
 STRAIGHT = 1e-6  # 1/m: below it the curvature has no direction, and that along the wale stands
 
@@ -36,7 +36,7 @@ class Couple(NamedTuple):
     stiffness: float
 
 
-@njit
+@leaf
 def cross(a, b):
     return (
         a[1] * b[2] - a[2] * b[1],
@@ -45,7 +45,7 @@ def cross(a, b):
     )
 
 
-@njit
+@leaf
 def turning(v, w, span):
     """Turning of the tangent per reference length, a vector (1/m): v x w/(v^2 span)."""
     scale = 1.0 / (span * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]))
@@ -124,7 +124,7 @@ def _add_bent(scene, lattice, lags, order, work):
 add_lags = choose("scene.bend", _add_bent, _add_flat)
 
 
-@njit
+@leaf
 def _flat_turning(scene, lattice, p, work):
     v, w = derivatives_at(scene.rod[p], work.x)
     return turning(v, w, scene.rod[p].span)

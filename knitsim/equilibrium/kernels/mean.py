@@ -18,17 +18,18 @@ other laws.
 
 import math
 
-from knitsim.equilibrium.contact import CORE
-from knitsim.jit import choose, njit
+from knitsim.equilibrium.contact import CORE, TERMS
+from knitsim.jit import choose, leaf
 
 THIN = 1e-3  # of d^2, d - core: no cell is thinner, in a direction in which the distance does not change
 NARROW = 0.05  # half width in u of a cell that touches everywhere and is averaged by derivatives
 DEEP = 0.98  # u up to which the corners of a cell are taken; at 1 both yarns have one place
 FREELY = 0.05  # of the way to the core: cells up to here are not shrunk (to 1e-11)
+APART = 0.05  # of an exponent from one at which a power becomes a logarithm
 SERIES = 0.2  # up to here integrals are summed as power series, whose terms cancel nothing
 
 
-@njit
+@leaf
 def corners(p, r, s, t, a, b):
     """Mean A over a cell and its derivatives A_u, A_a, A_b, A_uu, A_ua, A_ub, A_aa, A_ab, A_bb.
 
@@ -52,7 +53,7 @@ def corners(p, r, s, t, a, b):
     return mean, by_u, by_a, by_b, by_uu, by_ua, by_ub, by_aa, by_ab, by_bb
 
 
-@njit
+@leaf
 def barrier_integrals(u):
     """u^2/(1 - u) and its first and second integral from 0; zeros below 0."""
     if u <= 0.0:
@@ -72,7 +73,7 @@ def barrier_integrals(u):
     )
 
 
-@njit
+@leaf
 def barrier_mean(square, a, b, law):
     """Mean of the barrier law over a cell; as ``corners``, by q, a and b, these not negative.
 
@@ -121,37 +122,40 @@ def barrier_mean(square, a, b, law):
     )  # fmt: skip
 
 
-@njit
-def core_integrals(w, p):
+@leaf
+def core_integrals(w, soft):
     """(1 - w)^(1 - p) - 1 - (p - 1) w and its first and second integral from 0; zeros below 0."""
     if w <= 0.0:
         return 0.0, 0.0, 0.0
-    q = p - 1.0
-    if abs(q - 1.0) < 1e-5:
-        q = 1.0 + 1e-5
+    q = soft[2]
     if w < 0.5 * SERIES:
-        # Binomial coefficients of (1 - w)^-q from the second on.
+        # Binomial coefficients of (1 - w)^-q from the second on, and of its integrals.
         value = first = second = 0.0
-        c, power = 0.5 * q * (q + 1.0), w * w
-        for n in range(2, 16):
-            value += c * power
-            first += c * power * w / (n + 1.0)
-            second += c * power * w * w / ((n + 1.0) * (n + 2.0))
-            c *= (q + n) / (n + 1.0)
-            power *= w
-        return value, first, second
-    log = math.log1p(-w)
-    less = math.expm1((2.0 - q) * log) / (2.0 - q) if abs(2.0 - q) > 1e-9 else log
-    first = math.expm1((1.0 - q) * log) / (q - 1.0)
-    second = (-less - w) / (q - 1.0)
+        for n in range(TERMS - 1, -1, -1):
+            value = value * w + soft[3 + n]
+            first = first * w + soft[3 + TERMS + n]
+            second = second * w + soft[3 + 2 * TERMS + n]
+        square = w * w
+        return value * square, first * square * w, second * square * square
+    z, log = 1.0 - w, math.log1p(-w)
+    power = math.exp(-q * log)
+    # Of z^(1 - q) - 1 and z^(2 - q) - 1, over what they become zero with.
+    if abs(1.0 - q) > APART:
+        once = (z * power - 1.0) / (1.0 - q)
+    else:
+        once = math.expm1((1.0 - q) * log) / (1.0 - q)
+    if abs(2.0 - q) > APART:
+        less = (z * z * power - 1.0) / (2.0 - q)
+    else:
+        less = math.expm1((2.0 - q) * log) / (2.0 - q) if abs(2.0 - q) > 1e-9 else log
     return (
-        math.exp(-q * log) - 1.0 - q * w,
-        first - w - 0.5 * q * w * w,
-        second - 0.5 * w * w - q * w * w * w / 6.0,
+        power - 1.0 - q * w,
+        -once - w - 0.5 * q * w * w,
+        (-less - w) / (q - 1.0) - 0.5 * w * w - q * w * w * w / 6.0,
     )
 
 
-@njit
+@leaf
 def table_integrals(w, table):
     """As of a tabulated law: piece by piece from first touch on, their sums in the table."""
     if w <= 0.0:
@@ -179,12 +183,12 @@ def table_integrals(w, table):
     return value, first, second
 
 
-@njit
+@leaf
 def soft_integrals(w, soft):
-    return core_integrals(w, soft[1]) if soft[0] == CORE else table_integrals(w, soft)
+    return core_integrals(w, soft) if soft[0] == CORE else table_integrals(w, soft)
 
 
-@njit
+@leaf
 def soft_mean(square, a, b, law):
     """As :func:`barrier_mean` of a core law or a tabulated one, by the distance D instead of its square."""
     distance, delta = math.sqrt(square), law.diameter - law.core
@@ -225,7 +229,7 @@ def soft_mean(square, a, b, law):
     )  # fmt: skip
 
 
-@njit
+@leaf
 def of_shrunk(mean, a, b, x, room):
     """Mean over a cell of a s(x) by b s(x) and its derivatives by w, a, b, from those by w and both widths.
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from knitsim.equilibrium.kernels.energy import energy_of
 from knitsim.equilibrium.kernels.pairs import covers, pairs_at, passes
-from knitsim.jit import njit
+from knitsim.jit import leaf, njit
 
 CONVERGED, TOO_MANY, NO_DESCENT, NOT_FINITE = 0, 1, 2, 3
 ARMIJO = 1e-4
@@ -49,7 +49,7 @@ class Control(NamedTuple):
     certify: bool
 
 
-@njit
+@leaf
 def residual_of(gradient, scale, free):
     largest = 0.0
     for i in free:
@@ -59,7 +59,7 @@ def residual_of(gradient, scale, free):
     return largest
 
 
-@njit
+@leaf
 def gets_on(energy, new, aimed, residual, after):
     """Whether a step gets on: from energy and residual to ``new`` and ``after``; aimed: slope by length."""
     change = abs(new - energy)
@@ -70,7 +70,7 @@ def gets_on(energy, new, aimed, residual, after):
     )
 
 
-@njit
+@leaf
 def factorise(hessian, free, shift, factor):
     """Upper Cholesky factor of hessian[free, free] + shift I; False if not positive definite."""
     n = free.size
@@ -95,7 +95,7 @@ def factorise(hessian, free, shift, factor):
     return True
 
 
-@njit
+@leaf
 def solve_factored(factor, rhs):
     """Overwrite rhs (n,) with the solution of U^T U z = rhs."""
     n = rhs.size
@@ -111,7 +111,7 @@ def solve_factored(factor, rhs):
         rhs[i] = z / factor[i, i]
 
 
-@njit
+@leaf
 def factorise_shifted(hessian, free, factor):
     """Factorise with the smallest shift of a rising sequence that makes it positive definite."""
     if factorise(hessian, free, 0.0, factor):
@@ -127,7 +127,7 @@ def factorise_shifted(hessian, free, factor):
     return math.inf
 
 
-@njit
+@leaf
 def largest_move(map_, change):
     """Largest change of a control point's component or of a spacing (m), for a change of y."""
     largest = 0.0
@@ -140,13 +140,13 @@ def largest_move(map_, change):
 
 
 # Loops instead of array expressions, which Numba takes long to compile.
-@njit
+@leaf
 def copy_to(source, target):
     for i in range(source.size):
         target[i] = source[i]
 
 
-@njit
+@leaf
 def move(y, length, step, point):
     """point = y + length step."""
     for i in range(y.size):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from knitsim.equilibrium.kernels.records import ANGLE, LATTICE
-from knitsim.jit import choose, njit
+from knitsim.jit import choose, leaf, njit
 
 SPREAD = 1.1  # spacings of contact points: how far beyond the diameter their cells reach
 CHUNK = 8  # points per bounding box of the pair search
@@ -34,7 +34,7 @@ class Listed(NamedTuple):
     reach: np.ndarray
 
 
-@njit
+@leaf
 def place_frames(touch, x, points):
     """Fill points (m, 9) with the contact points and their derivatives by the number of the point."""
     for i in range(touch.points.size):
@@ -47,7 +47,7 @@ def place_frames(touch, x, points):
             points[i, 6 + axis] = turn[0] * a + turn[1] * b + turn[2] * c + turn[3] * d
 
 
-@njit
+@leaf
 def place_points(touch, x, points):
     """Fill points (m, 3 or more) with the positions of the contact points."""
     for i in range(touch.points.size):
@@ -77,18 +77,18 @@ def expand(map_, y, x):
     return lattice
 
 
-@njit
+@leaf
 def curvature_at(scene, lattice):
     """kappa (1/m) of a bent fabric: the angle of one loop over its spacing along the bent direction."""
     return lattice[ANGLE] / lattice[3 * scene.bend.direction]
 
 
-@njit
+@leaf
 def _flat_bound(scene, lattice, distance, x):
     return distance
 
 
-@njit
+@leaf
 def _bent_bound(scene, lattice, distance, x):
     # 1 + kappa z is no less than 1 - |kappa| thick.  Of all places a distance apart, those at that
     # height, side by side along the bent direction, are furthest apart in flat coordinates.
@@ -130,7 +130,7 @@ def approach(scene, y, center):
     return 2.0 * math.sqrt(largest) + scene.touch.far * spacings
 
 
-@njit
+@leaf
 def touching(scene):
     """Distance (m) within which the cells of two contact points may touch (:mod:`.mean`).
 
@@ -140,7 +140,7 @@ def touching(scene):
     return scene.law.diameter + (SPREAD * points[0].length if points.size > 0 else 0.0)
 
 
-@njit
+@leaf
 def _covers_flat(scene, listed, y, work):
     """Whether every pair that touches at y is in the list."""
     return approach(scene, y, listed.center) + touching(scene) <= listed.reach[0]
@@ -166,7 +166,7 @@ def pairs_at(scene, y, skin, work):
     return Listed(pairs, weight, y.copy(), np.full(1, reach))
 
 
-@njit
+@leaf
 def boxes_of(points, size, low, high):
     """Fill low, high (chunks, 3) with the bounds of runs of ``size`` points."""
     for c in range(low.shape[0]):
@@ -179,7 +179,7 @@ def boxes_of(points, size, low, high):
             high[c, axis] = hi
 
 
-@njit
+@leaf
 def image_is_far(sign, shift, low, high, own_low, own_high, reach):
     """Whether the image of the box (low, high) is further than ``reach`` from the own box."""
     for axis in range(3):
@@ -237,7 +237,7 @@ def find_pairs(touch, points, lattice, reach):
     return _resized(pairs, weight, count)
 
 
-@njit
+@leaf
 def near_points(points, image_at, ci, ck, reach, near):
     """Fill near with the i of run ci and k >= i of run ck closer than reach; returns how many."""
     m, square, found = points.shape[0], reach * reach, 0
@@ -251,7 +251,7 @@ def near_points(points, image_at, ci, ck, reach, near):
     return found
 
 
-@njit
+@leaf
 def pair_factor(touch, i, k, g):
     """Weight (m2) of the pair (i, k, g), i <= k; 0 where it does not count."""
     image = touch.images[g]

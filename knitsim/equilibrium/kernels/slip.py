@@ -15,7 +15,14 @@ from knitsim.equilibrium.kernels.contact import (
     separation,
     steps_at,
 )
-from knitsim.equilibrium.kernels.curved import bent_mean, bent_square, bent_steps, gaps_at
+from knitsim.equilibrium.kernels.curved import chord_square
+from knitsim.equilibrium.kernels.curved_contact import (
+    bent_mean,
+    bent_slopes,
+    bent_square,
+    bent_steps,
+    gaps_at,
+)
 from knitsim.equilibrium.kernels.curved_friction import add_bent_friction, vector_at
 from knitsim.equilibrium.kernels.fixtures import add_point, from_axis, law_of, scatter_point
 from knitsim.equilibrium.kernels.friction import (
@@ -35,16 +42,16 @@ from knitsim.equilibrium.kernels.friction import (
     turn,
 )
 from knitsim.equilibrium.kernels.lag import add_lags, begin_lags, end_lags
-from knitsim.equilibrium.kernels.pairs import curvature_at, expand, place_frames
-from knitsim.jit import blank, choose, njit
+from knitsim.equilibrium.kernels.pairs import curvature_at, expand, place_frames, touching
+from knitsim.jit import blank, choose, leaf, njit
 
 
-@njit
+@leaf
 def _flat_vector(scene, lattice, pair, work):
     return separation(scene.touch, work.points, lattice, pair)
 
 
-@njit
+@leaf
 def _bent_vector(scene, lattice, pair, work):
     return vector_at(gaps_at(scene, work.points, lattice, pair), curvature_at(scene, lattice))
 
@@ -53,7 +60,7 @@ vector_of = choose("scene.bend", _bent_vector, _flat_vector)
 add_pairs = choose("scene.bend", add_bent_friction, add_flat_friction)
 
 
-@njit
+@leaf
 def _no_lags(scene, lattice, lags, order, work):
     return 0.0
 
@@ -61,34 +68,37 @@ def _no_lags(scene, lattice, lags, order, work):
 add_lagging = choose("lags", add_lags, _no_lags)
 
 
-@njit
+@leaf
 def _flat_press(scene, lattice, pair, work):
     d = separation(scene.touch, work.points, lattice, pair)
+    if dot(d, d) >= touching(scene) ** 2:
+        return 0.0
     mean = flat_mean(d, steps_at(scene.touch, work.points, pair), scene.law)
     return -2.0 * math.sqrt(dot(d, d)) * mean[1]
 
 
-@njit
+@leaf
 def _bent_press(scene, lattice, pair, work):
-    by, curved, step = np.zeros(5), np.zeros((5, 5)), np.zeros((3, 5))
     kappa = curvature_at(scene, lattice)
     gaps = gaps_at(scene, work.points, lattice, pair)
-    square = bent_square(gaps, kappa, by, curved)
-    bent_steps(scene, work.points, pair, step)
-    mean = bent_mean(scene, gaps, kappa, step, square, by, np.zeros(5))
-    return -2.0 * math.sqrt(square) * mean[1]
+    chord = chord_square(gaps[0], kappa)
+    square = bent_square(gaps, kappa, chord)
+    if square >= touching(scene) ** 2:
+        return 0.0
+    by, steps = bent_slopes(gaps, kappa, chord), bent_steps(scene, work.points, pair)
+    return -2.0 * math.sqrt(square) * bent_mean(gaps, kappa, chord, steps, by, scene.law)[1]
 
 
 # Force with which two contact points press, per length of both yarns (N/m2).
 press_of = choose("scene.bend", _bent_press, _flat_press)
 
 
-@njit
+@leaf
 def _no_wraps(scene, slip, rub, work, first):
     return 0.0, 0.0
 
 
-@njit
+@leaf
 def _ask_wraps(scene, slip, rub, work, first):
     """Limits on the cylinders as found; first: at the start of the step."""
     along = moved = 0.0
@@ -110,7 +120,7 @@ def _ask_wraps(scene, slip, rub, work, first):
     return along, moved
 
 
-@njit
+@leaf
 def _turn_wraps(scene, slip, rub, work, first):
     """Normals and limits on the cylinders; what that changes of the friction forces, and these (N)."""
     changed = whole = 0.0
@@ -125,7 +135,7 @@ def _turn_wraps(scene, slip, rub, work, first):
     return changed, whole
 
 
-@njit
+@leaf
 def _add_wraps(scene, slip, order, work):
     """Potential of friction on the cylinders (J)."""
     energy, points = 0.0, work.points
@@ -147,7 +157,7 @@ def _add_wraps(scene, slip, order, work):
     return energy
 
 
-@njit
+@leaf
 def _end_wraps(scene, slip, memory, work):
     """Energy lost and held (J) on the cylinders; fills memory (cylinders, points)."""
     lost = held = 0.0
@@ -160,12 +170,12 @@ def _end_wraps(scene, slip, memory, work):
     return lost, held
 
 
-@njit
+@leaf
 def _no_end(scene, slip, memory, work):
     return 0.0, 0.0
 
 
-@njit
+@leaf
 def _no_add(scene, slip, order, work):
     return 0.0
 
@@ -176,12 +186,12 @@ add_wraps = choose("scene.fixtures", _add_wraps, _no_add)
 end_wraps = choose("scene.fixtures", _end_wraps, _no_end)
 
 
-@njit
+@leaf
 def _without_couple(scene, lattice, couple, memory, work):
     return ()
 
 
-@njit
+@leaf
 def _without_lags(scene, lattice, lags, work):
     return (), 0.0, 0.0
 
@@ -245,7 +255,7 @@ def lag_slip(scene, y, slip, rub, work):
     return changed / whole if whole > 0.0 else 0.0
 
 
-@njit
+@leaf
 def add_friction(scene, lattice, slip, order, work):
     """Potential (J) of all friction; order as in ``add_flat_contact``."""
     energy = add_pairs(scene, lattice, slip, order, work)

@@ -16,10 +16,10 @@ import math
 
 import numpy as np
 
-from knitsim.jit import njit
+from knitsim.jit import leaf, njit
 
 
-@njit
+@leaf
 def stretch_at(e, law):
     """Energy per length, tension and stiffness (N) at the strain e.
 
@@ -46,7 +46,7 @@ def stretch_at(e, law):
     return energy, tension, stiffness
 
 
-@njit
+@leaf
 def bend_at(square, bending, rest, rounding):
     """Energy per length and its first two derivatives by the squared curvature."""
     if rest == 0.0:
@@ -59,7 +59,7 @@ def bend_at(square, bending, rest, rounding):
     )
 
 
-@njit
+@leaf
 def yarn_point(point, stretch, v, w, order, form, tangent, terms):
     """Energy of a Gauss point (a row of the rod) with velocity v and acceleration w.
 
@@ -174,21 +174,21 @@ def locked_point(point, facing, turning, v, w, order, form, tangent, terms):
             tangent[i, j] -= factor * value / area
 
 
-@njit
+@leaf
 def held_point(point, v, w, order, form, tangent, terms):
     """:func:`locked_point` in the frame of the rod."""
     f, t = point.facing, point.turning
     locked_point(point, (f[0], f[1], f[2]), (t[0], t[1], t[2]), v, w, order, form, tangent, terms)
 
 
-@njit
+@leaf
 def is_turned(point):
     """Whether a yarn that does not turn about itself has a rest curvature at this point."""
     turning = point.turning
     return turning[0] != 0.0 or turning[1] != 0.0 or turning[2] != 0.0
 
 
-@njit
+@leaf
 def derivatives_at(point, x):
     """First and second derivative of the centre line by the parameter at a Gauss point, two tuples."""
     f = point.first
@@ -243,7 +243,7 @@ def add_flat_yarn(scene, lattice, order, work):
             scatter(point, form, tangent, order, work.expanded, work.half)
 
 
-@njit
+@leaf
 def add_form(first, axes, weights, matrix, half):
     """Add a Hessian by local variables, sum_k weights[i, k] x[first + k, axes[i]], to ``half``."""
     n = axes.size
