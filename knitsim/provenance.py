@@ -88,22 +88,22 @@ def source_hash(*modules):
     return _digest(module_closure(*modules))
 
 
-def _takes_njit(module):
-    return any(
+def _has_kernels(source):
+    """Whether a source takes a decorator of kernels from knitsim.jit."""
+    return "knitsim.jit" in source and any(
         isinstance(node, ast.ImportFrom)
         and node.module == "knitsim.jit"
-        and any(alias.name == "njit" for alias in node.names)
-        for node in ast.walk(ast.parse(_path(module).read_bytes()))
+        and any(alias.name in ("njit", "leaf") for alias in node.names)
+        for node in _import_statements(source)
     )
 
 
 @functools.cache
 def kernel_hash():
-    """Hash of every module that compiled code can come from: those that use njit, and what they import."""
+    """Hash of every module that compiled code can come from: those with kernels, and what they import."""
     users = []
     for path in sorted(PACKAGE.rglob("*.py")):
-        parts = ("knitsim", *path.relative_to(PACKAGE).with_suffix("").parts)
-        module = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        if "knitsim.jit" in _imports(module) and _takes_njit(module):
-            users.append(module)
+        if _has_kernels(path.read_text(encoding="utf-8")):
+            parts = ("knitsim", *path.relative_to(PACKAGE).with_suffix("").parts)
+            users.append(".".join(parts[:-1] if parts[-1] == "__init__" else parts))
     return _digest(module_closure(*users))

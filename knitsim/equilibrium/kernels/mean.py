@@ -25,7 +25,7 @@ THIN = 1e-3  # of d^2, d - core: no cell is thinner, in a direction in which the
 NARROW = 0.05  # half width in u of a cell that touches everywhere and is averaged by derivatives
 DEEP = 0.98  # u up to which the corners of a cell are taken; at 1 both yarns have one place
 FREELY = 0.05  # of the way to the core: cells up to here are not shrunk (to 1e-11)
-APART = 0.05  # of an exponent from one at which a power becomes a logarithm
+APART = 0.25  # of an exponent from one at which a power becomes a logarithm
 SERIES = 0.2  # up to here integrals are summed as power series, whose terms cancel nothing
 
 
@@ -138,18 +138,16 @@ def core_integrals(w, soft):
         square = w * w
         return value * square, first * square * w, second * square * square
     z, log = 1.0 - w, math.log1p(-w)
-    power = math.exp(-q * log)
-    # Of z^(1 - q) - 1 and z^(2 - q) - 1, over what they become zero with.
+    more = math.expm1(-q * log)
+    # z^(1 - q) - 1 and z^(2 - q) - 1, over what they become zero with; of the second, of which differences
+    # are taken twice, every digit counts.
     if abs(1.0 - q) > APART:
-        once = (z * power - 1.0) / (1.0 - q)
+        once = (z * more - w) / (1.0 - q)
     else:
         once = math.expm1((1.0 - q) * log) / (1.0 - q)
-    if abs(2.0 - q) > APART:
-        less = (z * z * power - 1.0) / (2.0 - q)
-    else:
-        less = math.expm1((2.0 - q) * log) / (2.0 - q) if abs(2.0 - q) > 1e-9 else log
+    less = math.expm1((2.0 - q) * log) / (2.0 - q) if abs(2.0 - q) > 1e-9 else log
     return (
-        power - 1.0 - q * w,
+        more - q * w,
         -once - w - 0.5 * q * w * w,
         (-less - w) / (q - 1.0) - 0.5 * w * w - q * w * w * w / 6.0,
     )
