@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from test_equilibrium_fabric import COTTON
 
 from knitsim.equilibrium.contact import (
@@ -15,6 +16,7 @@ from knitsim.equilibrium.contact import (
     quantity,
 )
 from knitsim.equilibrium.fabric import Fabric
+from knitsim.equilibrium.kernels.mean import core_integrals
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
@@ -142,3 +144,19 @@ def test_a_fabric_is_solved_with_it(power_law):
     there = tensile(own, "course", [0.399, 0.401])
     slope = np.diff(there.energy.sum(1)) / (0.002 * own.wale_spacing)
     assert curve.force_per_loop[1] == pytest.approx(slope[0], rel=1e-4)
+
+
+@pytest.mark.parametrize("exponent", [1.05, 1.9, 2.0, 2.4, 3.0, 3.1, 8.0])
+@pytest.mark.parametrize("w", [1e-3, 0.0999, 0.1001, 0.5, 0.9])
+def test_integrals_of_a_core_law(exponent, w):
+    law, q = CoreContact(core_diameter=0.15e-3, stiffness=1e9, exponent=exponent), exponent - 1.0
+    found = core_integrals.py_func(w, law.soft(D))
+
+    def value(x):
+        return (1.0 - x) ** -q - 1.0 - q * x
+
+    # At q = 1, where the second integral has another form, q is taken 1e-5 away.
+    near = 5e-5 if exponent == 2.0 else 1e-8
+    once = quad(value, 0.0, w)[0]
+    twice = quad(lambda x: (w - x) * value(x), 0.0, w)[0]
+    assert found == pytest.approx((value(w), once, twice), rel=near)
