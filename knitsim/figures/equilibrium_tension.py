@@ -223,6 +223,7 @@ def _fabrics(fig, place, tests, letters):
     direction, test = next(iter(tests.items()))
     reach = np.array(starting_spacings(test, direction)) * [1.5, 2.0]
     window = (-reach[0], reach[0], -reach[1], reach[1])
+    tick = float(f"{0.8 * from_si(reach[0], 'mm'):.1g}")
     colours = colormaps[style.TENSION_MAP]
     for ax, (direction, state), values, key in zip(axes, drawn, bent, letters, strict=False):
         spacings = np.array([float(state.wale_spacing), float(state.course_spacing)])
@@ -241,7 +242,7 @@ def _fabrics(fig, place, tests, letters):
         ax.set_xlabel("course (mm)")
         ax.set_ylabel("wale (mm)")
         ax.locator_params(nbins=3)
-        ax.locator_params("x", nbins=2)
+        ax.set_xticks([-tick, tick])
         if ax is not axes[0]:
             ax.yaxis.set_visible(False)
     fig.colorbar(ScalarMappable(scale, colours), cax=bar, label="curvature (1/cm)")
