@@ -237,10 +237,11 @@ def test_fabrics_are_named_with_strain_and_force(datasets, figures):
 def test_a_test_that_ends_early_says_why_and_one_without_states_is_left_out(datasets):
     ended = datasets["equilibrium_wale"].assign_attrs(stop_reason="friction: no state at 0.02")
     fig = draw("fig16_equilibrium_tension", datasets | {"equilibrium_wale": ended})
-    assert fig.get_supxlabel() == "wale, ended early: friction: no state at 0.02"
+    (legend,) = fig.legends
+    assert "wale, ended early: friction: no state at 0.02" in legend.get_title().get_text()
     empty = ended.assign_coords(strain=ended.strain * np.nan)
     fig = draw("fig16_equilibrium_tension", datasets | {"equilibrium_wale": empty})
-    assert "no state at 0.02" in fig.get_supxlabel()
+    assert "no state at 0.02" in fig.legends[0].get_title().get_text()
     labels = {ax.get_xlabel() for ax in fig.axes}
     assert "course strain (%)" in labels
     assert "wale strain (%)" not in labels

@@ -158,7 +158,10 @@ def test_with_all_inputs_uncertain_the_band_holds_the_true_yarn(fabric, tmp_path
     assert any("course pull: strain" in line for line in said(dataset))
     told = {row[3]: row[12] for row in prediction_rows("small", "all", dataset)}
     assert any(name.startswith("next measurement: ") for name in told)
-    fig34_prediction_bands({"all": dataset})
+    # A panel for the direction that was not measured as well.
+    labels = [ax.get_xlabel() for ax in fig34_prediction_bands({"all": dataset}).axes]
+    assert sum(one.startswith("strain, course (%)") for one in labels) >= 1
+    assert "strain, wale (%)" in labels or "strain, wale (%)\nnot measured" in labels
 
 
 @pytest.mark.slow

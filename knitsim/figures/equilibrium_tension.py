@@ -33,9 +33,8 @@ def fig16_equilibrium_tension(equilibrium_course, equilibrium_wale):
     }  # fmt: skip
     fig = style.page(height_mm=242.0)
     panels.heading(fig, "tension in equilibrium, course (above) and wale", 16, equilibrium_course)
-    if solved.ended(given):
-        panels.note(fig, "\n".join(solved.ended(given)))
     if not tests:
+        panels.note(fig, "\n".join(solved.ended(given)))
         return fig
     curves, energies, fabrics = fig.add_gridspec(3, 1, height_ratios=[2.4, 1.0, 0.75])
     grid = curves.subgridspec(len(tests), 4).subplots(squeeze=False)
@@ -52,7 +51,7 @@ def fig16_equilibrium_tension(equilibrium_course, equilibrium_wale):
         ax.set_xlabel(f"{direction} strain (%)")
         ax.set_ylabel("energy per loop (J)" if ax is row[0] else "")
         panels.letter(ax, key, f"energy, {name}")
-    _fabrics(fig, fabrics, tests)
+    _fabrics(fig, fabrics, tests, panels.LETTERS[8 + len(shown) :])
     handles = panels.labelled(grid[:, 0]) | panels.RECOVERY | solved.residual_handle()
     bands, said = solved.error_legend(tests, "force_per_width")
     handles |= bands | {
@@ -61,7 +60,7 @@ def fig16_equilibrium_tension(equilibrium_course, equilibrium_wale):
         if name in seen
     }
     handles["work done, from the energy at rest"] = Line2D([], [], color="black", linestyle=":")
-    panels.legend(fig, handles, ncols=2, note="\n".join(said))
+    panels.legend(fig, handles, ncols=2, note="\n".join([*said, *solved.ended(given)]))
     return fig
 
 
@@ -207,7 +206,7 @@ def curvature(points):
     return np.append(found, found[0])
 
 
-def _fabrics(fig, place, tests):
+def _fabrics(fig, place, tests, letters):
     """The reference fabric at thirds of its largest strain, its yarn coloured by curvature."""
     drawn = []
     for direction, test in tests.items():
@@ -224,8 +223,9 @@ def _fabrics(fig, place, tests):
     direction, test = next(iter(tests.items()))
     reach = np.array(starting_spacings(test, direction)) * [1.5, 2.0]
     window = (-reach[0], reach[0], -reach[1], reach[1])
+    tick = float(f"{0.8 * from_si(reach[0], 'mm'):.1g}")
     colours = colormaps[style.TENSION_MAP]
-    for ax, (direction, state), values, key in zip(axes, drawn, bent, "mnopqr", strict=False):
+    for ax, (direction, state), values, key in zip(axes, drawn, bent, letters, strict=False):
         spacings = np.array([float(state.wale_spacing), float(state.course_spacing)])
         yarns = fabric_polylines(
             state.centreline.values, *spacings, *(2 * np.ceil(reach / spacings).astype(int) + 3),
@@ -242,6 +242,7 @@ def _fabrics(fig, place, tests):
         ax.set_xlabel("course (mm)")
         ax.set_ylabel("wale (mm)")
         ax.locator_params(nbins=3)
+        ax.set_xticks([-tick, tick])
         if ax is not axes[0]:
             ax.yaxis.set_visible(False)
     fig.colorbar(ScalarMappable(scale, colours), cax=bar, label="curvature (1/cm)")

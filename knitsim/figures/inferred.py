@@ -16,26 +16,31 @@ _ROWS = (("strain", "strain"), ("transverse_strain", "lateral"))
 
 
 def fig34_prediction_bands(inferred):
-    """Along and across the pull, a column for each measured tension test of the first such calibration."""
+    """Along and across the pull, a column for each measured tension test of the first such calibration, and
+    for a direction in which none was measured."""
     dataset = next(d for d in inferred.values() if "prior_strain_band" in d)
-    curves = np.flatnonzero(dataset.curve_test.values == "tension")
-    fig, axes = style.figure(height_mm=150.0, rows=2, columns=len(curves))
+    curves = [dataset.isel(curve=k) for k in np.flatnonzero(dataset.curve_test.values == "tension")]
+    told = [
+        (str(one.curve_direction.values), f"{one.curve.values}, {one.curve_role.values}", one)
+        for one in curves
+    ]
+    seen = {direction for direction, _, _ in told}
+    told += [(str(d), f"{d}, predicted", None) for d in dataset.direction.values if d not in seen]
+    fig, axes = style.figure(height_mm=150.0, rows=2, columns=len(told))
     panels.heading(
         fig, "predicted with all inputs uncertain, calibration "
         + dataset.attrs["calibration"].replace("_", " "), 34, dataset,
     )  # fmt: skip
-    for column, number in enumerate(curves):
-        one = dataset.isel(curve=number)
-        predicted = dataset.sel(direction=str(one.curve_direction.values))
+    for column, (direction, title, one) in enumerate(told):
         for row, (quantity, words) in enumerate(_ROWS):
-            _panel(axes[row, column], one, predicted, quantity)
-            direction = str(one.curve_direction.values)
-            axes[row, column].set_xlabel(f"{words}, {direction} (%)")
+            known = _panel(axes[row, column], one, dataset.sel(direction=direction), quantity)
+            lacking = "" if known else "\nnot measured"
+            axes[row, column].set_xlabel(f"{words}, {direction} (%){lacking}")
         axes[0, column].set_title(
-            f"({panels.LETTERS[column]}) {str(one.curve.values).replace('_', ' ')}, {one.curve_role.values}",
-            loc="left", fontsize=7,
-        )  # fmt: skip
+            f"({panels.LETTERS[column]}) {title.replace('_', ' ')}", loc="left", fontsize=7
+        )
         for ax in axes[:, column]:
+            ax.set_ylim(bottom=0.0)
             ax.set_ylabel("force per width (N/mm)" if column == 0 else "")
     handles = {
         "measured, band of the runs": Line2D([], [], linestyle="none", marker="o", markersize=3.2,
@@ -61,6 +66,7 @@ def _decides(dataset):
 
 
 def _panel(ax, one, predicted, quantity):
+    """Draw what was predicted and, of the measured test ``one``, if any, measured; whether it was."""
     force = from_si(predicted.predicted_force_per_width.values, FORCE)
     own = np.isfinite(predicted[f"predicted_{quantity}"].values)
 
@@ -73,6 +79,9 @@ def _panel(ax, one, predicted, quantity):
     fill(f"predicted_{quantity}_band_50", color=style.BLUE, alpha=_ALPHA[50])
     middle = from_si(predicted[f"predicted_{quantity}"].values, "percent")
     ax.plot(middle[own], force[own], color=style.BLUE)
+    ax.grid(True)
+    if one is None or not np.isfinite(one[f"shifted_{quantity}"].values).any():
+        return False
     strain = from_si(one[f"shifted_{quantity}"].values, "percent")
     measured = from_si(one.measured_force_per_width.values, FORCE)
     look = {"color": style.BLACK, "linestyle": "none", "zorder": 3.0}
@@ -90,7 +99,4 @@ def _panel(ax, one, predicted, quantity):
                 **look,
             )
     ax.plot(strain, measured, marker="o", markersize=3.2, markerfacecolor="none", **look)
-    if not np.isfinite(strain).any():
-        ax.text(0.5, 0.5, "not measured", transform=ax.transAxes, ha="center", fontsize=7)
-    ax.set_ylim(bottom=0.0)
-    ax.grid(True)
+    return True

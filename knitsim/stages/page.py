@@ -140,7 +140,6 @@ def _kes(rows, fabric):
             }  # fmt: skip
             if not cells:
                 continue
-            one = next(iter(cells.values()))
             # Shear has no direction.
             given = (
                 {d: cells.get(d) for d in DIRECTIONS} if "" not in cells else {"both": cells[""]}
@@ -149,10 +148,14 @@ def _kes(rows, fabric):
                 {
                     "name": parameter.replace("_", " "),
                     "units": next((r["kes_units"] for r in cells.values() if r["kes_units"]), ""),
-                    "definition": one["definition"],
+                    "definition": next(
+                        (r["definition"] for r in cells.values() if r["definition"]), ""
+                    ),
                     "condition": f"{test}, {condition}".rstrip(", "),
                     "left_out": "; ".join(
-                        dict.fromkeys(filter(None, (r["left_out"] for r in cells.values())))
+                        f"{d}: {r['left_out']}".removeprefix(": ")
+                        for d, r in cells.items()
+                        if r["left_out"]
                     ),
                     **{d: _with_error(r) if r else "" for d, r in given.items()},
                 }
