@@ -2,12 +2,13 @@
 
 A test is solved on one rung of a ladder of resolutions and on the next.  What changes from the one to the
 other tells the error of the finer: that of the control points falls with the 6th to 7th power of their
-number, that of the contact points with the 4th (measured), so that from a rung to the next the error falls
-more than threefold and the finer lacks less than half of the change; LACKING of it is said.  Below SETTLED
-control points this is not yet so, nor with friction, where contact points stick or slide one by one: the
-change itself is taken.  What is left wavers along the test; at each state the largest change of its
-neighbourhood stands.  With friction the test is also solved, on the coarser rung, in steps twice as long;
-the law is stepped implicitly, and its error falls at least in proportion to the step.
+number, that of the contact points with the 4th (measured), so that from a rung to the next the error
+falls more than threefold and the finer lacks less than half of the change; LACKING of it is said.  With
+friction, where contact points stick or slide one by one, the change itself is taken; below SETTLED
+control points what an error in proportion to their distance would make of it.  What is left wavers along
+the test; at each state the largest change of its neighbourhood stands.  With friction the test is also
+solved, on the coarser rung, in steps twice as long; the law is stepped implicitly, and its error falls at
+least in proportion to the step.
 
 Where an accuracy is asked for, rungs are climbed and steps halved until the estimate is met.
 """
@@ -128,7 +129,10 @@ def _apart(relaxed, resolution):
 
 def _part(model):
     """Which part of the change from the coarser resolution the error is at most."""
-    return LACKING if model.cell.points >= SETTLED and not model.rub else 1.0
+    if model.cell.points < SETTLED:
+        few = coarser(model.resolution, model.fabric).points
+        return few / max(model.cell.points - few, 1)
+    return 1.0 if model.rub else LACKING
 
 
 def _checked(accuracy):
@@ -222,6 +226,8 @@ def _with_errors(curve, coarse, steps):
     if not isinstance(curve, BendingCurve):
         return curve
     off = sum(part * _off(a, b, curve, a.flat_moment - b.flat_moment) for part, a, b in pairs)
+    # Told against the largest change, so it is the largest of all.
+    off = np.where(np.isnan(off), off, np.fmax.reduce(off, initial=0.0))
     largest = np.abs(curve.value - curve.flat_moment).max()
     return curve.replaced(change_error=off / largest if largest > 0.0 else 0.0 * off)
 
