@@ -16,7 +16,7 @@ from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
 from knitsim.stages import equilibrium_bending, equilibrium_rest, equilibrium_tension
-from knitsim.stages.equilibrium import finest, settings_of, solver_fabric
+from knitsim.stages.equilibrium import followed_at, settings_of, solver_fabric
 from knitsim.stages.laws import stated_law
 from knitsim.stages.page import _with_error
 from knitsim.stages.summary import _agreement, _worst
@@ -112,11 +112,14 @@ def test_an_accuracy_is_asked_for_where_nothing_is_stated(tmp_path):
     assert full.resolution.cell == "full" and full.errors == {"accuracy": 0.1}
 
 
-def test_effects_of_assumptions_are_followed_at_the_points_of_the_finest_curve():
+def test_effects_of_assumptions_are_followed_at_points_that_are_fine_enough_and_not_too_many():
     def curve(points):
         return SimpleNamespace(model=SimpleNamespace(resolution=Resolution(points)))
 
-    assert finest([curve(48), curve(112), curve(72)]) == Resolution(112)
+    assert followed_at([curve(48), curve(112), curve(72)]) == Resolution(112)
+    # A moment that passes zero is driven to the last rung; its effects need not be.
+    assert followed_at([curve(72), curve(248)]) == Resolution(72)
+    assert followed_at([curve(248), curve(168)]) == Resolution(168)
 
 
 def test_an_accuracy_of_one_scene_changes_the_results_of_its_fabrics_only(tmp_path):

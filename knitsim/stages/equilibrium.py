@@ -20,6 +20,8 @@ from knitsim.study.contact_keys import stated_contact
 from knitsim.study.schema import closure
 from knitsim.yarn.compression import fit_barrier_test
 
+FOLLOWED = 112  # control points of a loop that resolve the effect of an assumption
+
 
 def contact_of(yarn):
     """Contact law of a YarnInput: a core law, a calibrated stiffness or the stated one."""
@@ -145,9 +147,11 @@ def both_ways(largest, states):
     return np.concatenate([up, back, -up, -back])
 
 
-def finest(curves):
-    """The Resolution of the most points that one of the curves took."""
-    return max((one.model.resolution for one in curves), key=lambda one: one.points)
+def followed_at(curves):
+    """The Resolution at which effects of assumptions are followed: the finest of the curves' that is no finer
+    than FOLLOWED control points, for each alternative is solved anew, or the least fine of all."""
+    every = sorted((one.model.resolution for one in curves), key=lambda one: one.points)
+    return next((one for one in reversed(every) if one.points <= FOLLOWED), every[0])
 
 
 def variants_dataset(fabric, stage, solved, headlines, timings):

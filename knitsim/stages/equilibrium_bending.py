@@ -13,7 +13,7 @@ from knitsim.stages.equilibrium import (
     at_rest,
     at_rest_again,
     both_ways,
-    finest,
+    followed_at,
     settings_of,
     variants_dataset,
 )
@@ -84,7 +84,7 @@ def run(fabric, laws, direction):
             f"{name}, {curve.steps} states from flat",
             partial(bent, fabric, curve.start, direction, name),
         )
-    followed = partial(headlines, resolution=finest(curves.values()), direction=direction)
+    followed = partial(headlines, resolution=followed_at(curves.values()), direction=direction)
     dataset = variants_dataset(fabric, STAGE, solved, followed, timings)
     describe_stage(
         dataset, fabric, STAGE, direction=direction, settings=settings.told(curves), references=("munden",),

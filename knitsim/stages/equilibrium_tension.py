@@ -12,7 +12,7 @@ from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import (
     at_rest,
     at_rest_again,
-    finest,
+    followed_at,
     settings_of,
     variants_dataset,
 )
@@ -113,7 +113,7 @@ def run(fabric, laws, direction):
     cycles = max(int(curve.cycle.max(initial=1)) for curve in curves.values())
     solved = {name: (curve, partial(_dataset, curve, cycles)) for name, curve in curves.items()}
     followed = partial(
-        headlines, resolution=finest(curves.values()), direction=direction,
+        headlines, resolution=followed_at(curves.values()), direction=direction,
         reached=next(iter(curves.values())).strain.max(),
     )  # fmt: skip
     dataset = variants_dataset(fabric, STAGE, solved, followed, timings)
