@@ -14,6 +14,7 @@ from knitsim.equilibrium.kernels.pairs import (
     find_pairs,
     flat_distance,
     pairs_at,
+    passes,
     place_frames,
     place_points,
 )
@@ -197,3 +198,22 @@ def test_no_energy_of_a_search_lacks_a_pair(cotton, kind, bent, monkeypatch):
         assert status == CONVERGED
         renewed += listed is not first
     assert renewed > 0 and all(asked) and len(asked) > 20
+
+
+def test_ways_on_which_nothing_can_meet_need_no_search():
+    relaxed = relax(Fabric(None, None, 5.56e-3, 0.2793e-3, 5e-9, paper_k3(True), pattern="seed"))
+    scene, y = relaxed.model.scene, relaxed.y
+    rng, seen = np.random.default_rng(5), []
+    for size in (0.01, 0.1, 0.3, 1.0, 2.0):
+        for _ in range(4):
+            after = y.copy()
+            free = relaxed.model.free(0, 3)
+            after[free] += size * relaxed.model.fabric.diameter * rng.uniform(-1.0, 1.0, len(free))
+            work = new_work(scene)
+            energy_of(scene, after, pairs_at(scene, after, 0.0, work), (), np.int64(0), work)
+            quick = passes(scene, y, after, work)
+            # As if two places had met: every pair is looked at.
+            work.closest[0] = 0.0
+            assert quick == passes(scene, y, after, work)
+            seen.append(quick)
+    assert any(seen) and not all(seen)

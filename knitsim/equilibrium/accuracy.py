@@ -141,21 +141,22 @@ def _checked(accuracy):
     return accuracy
 
 
-def solved(relaxed, run, increment, accuracy=None, estimate_error=False):
+def solved(relaxed, run, increment, accuracy=None, estimate_error=False, refine=True):
     """A test solved once, or with its error estimated, or to an accuracy.
 
     run(relaxed, increment): the test; its result has ``place`` and ``value`` (:class:`.result.States`).
     increment: largest step with friction.  accuracy: largest estimated error (1) that is asked for, None
     for none; estimate_error: whether the error is estimated where no accuracy is asked for, at the
-    resolution of the relaxed state.  Where the last rung does not reach the accuracy, the result is that
-    of the last rung, and its error says how near it came.
+    resolution of the relaxed state; refine: whether contact points are added where neither is asked for.
+    Where the last rung does not reach the accuracy, the result is that of the last rung, and its error says
+    how near it came.
 
     Raises InputError for an accuracy out of range, ComputationError as the test does.
     """
     model = relaxed.model
     if accuracy is None:
         if not estimate_error:
-            return _fine(run, relaxed, increment)[0]
+            return _fine(run, relaxed, increment, refine)[0]
         rungs = [coarser(model.resolution, model.fabric), model.resolution]
         accuracy = np.inf
     else:
@@ -179,12 +180,12 @@ def solved(relaxed, run, increment, accuracy=None, estimate_error=False):
     return found
 
 
-def _fine(run, start, increment):
-    """The test, and where it started, with as many contact points as its states need."""
+def _fine(run, start, increment, refine=True):
+    """The test, and where it started, with as many contact points as its states need, if ``refine``."""
     start = released(start, rubs=True)
     curve = run(start, increment)
     curve = curve.replaced(increment=increment) if start.model.rub else curve
-    most = min(MOST_DENSE * start.model.cell.contacts, MOST_CONTACTS)
+    most = min(MOST_DENSE * start.model.cell.contacts, MOST_CONTACTS) if refine else 0
     while curve.ended == TOO_CLOSE and start.model.cell.contacts * DENSER <= most:
         contacts = 4 * int(np.ceil(start.model.cell.contacts * DENSER / 4.0))
         start = at_resolution(start, replace(start.model.resolution, contacts=contacts))

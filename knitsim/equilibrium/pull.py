@@ -39,6 +39,7 @@ def tensile(
     increment=FRICTION_INCREMENT,
     accuracy=None,
     estimate_error=False,
+    refine=True,
 ):
     """Pull the fabric along ``direction`` ("course" or "wale"); a :class:`.result.Curve`.
 
@@ -51,6 +52,7 @@ def tensile(
     error of the force that is asked for, over max(|force|, 1 % of the largest), on the ways back that
     of the curve (:func:`knitsim.store.tensile.counted_error`); resolution and increment are then chosen
     to meet it.  estimate_error: fill numerical_error without asking for an accuracy (:mod:`.accuracy`).
+    refine: whether it is solved again with more contact points where it ends for want of them.
 
     A path that cannot be followed to its end gives the states reached and a stop_reason.  Raises
     InputError for strains, forces or names that make no sense, ComputationError where the lateral
@@ -67,7 +69,7 @@ def tensile(
     def run(start, increment):
         return _tensile(start, direction, strains, lateral, recovery, cycles, to_force, increment)
 
-    return solved(relaxed, run, increment, accuracy, estimate_error)
+    return solved(relaxed, run, increment, accuracy, estimate_error, refine)
 
 
 def _tensile(relaxed, direction, strains, lateral, recovery, cycles, to_force, increment):

@@ -22,7 +22,8 @@ CAPTIONS = {
     "fig41_patterns_pulled": "The same fabrics pulled along the course and along the wale.",
     "fig42_patterns_curves": "Force per width against strain of the four patterns in the equilibrium model,"
     " with the values calibrated on the curves of the jersey alone. Bands: 95 % of the fit, and the"
-    " numerical error. Points: the measured curves of the jersey, the only ones that were used.",
+    " numerical error. Points: the measured curves of the jersey, the only ones that were used. Below:"
+    " thickness and mass per area of the fabrics at rest.",
 }
 
 
@@ -138,9 +139,7 @@ def fig42_patterns_curves(predicted, rest):
         f"{_title(one)} {from_si(float(one.thickness), 'mm'):.2f} mm, {1e3 * float(one.areal_mass):.0f} g/m2"
         for one in rest
     )
-    panels.legend(
-        fig, panels.labelled(axes[0]), note=f"Thickness and mass per area at rest: {sizes}."
-    )
+    panels.legend(fig, panels.labelled(axes[0]), note=f"At rest: {sizes}.")
     return fig
 
 

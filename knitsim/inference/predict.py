@@ -2,9 +2,10 @@
 
 The band of a prediction has two parts, added as squares: what the uncertainty of the calibrated
 inputs makes of it (at the ends of their 95 % interval along each principal axis of their covariance,
-cut at their bounds), and the solver's own error; of inputs as given that error alone.  Above and below
-the value it is of different width.  It covers neither the inputs that were taken as given nor what
-the model leaves out.
+cut at their bounds; differences of two solutions as coarse as those of the fit, that end where yarns lock
+too closely for these), and the solver's own error; of inputs as given that error alone.  Above and below
+the value it is of different width.  It covers neither the inputs that were taken as given nor what the
+model leaves out.
 """
 
 from dataclasses import dataclass
@@ -32,7 +33,8 @@ _FAILURES = (ComputationError, InputError)
 class Prediction:
     """One predicted quantity along a test, (n,) each; NaN beyond what the model reaches.
 
-    value; low, high: band; numerical_error: the solver's part of it, in units of value.
+    value; low, high: band, NaN where neither side of an input reaches; numerical_error: the solver's part
+    of it, in units of value.
     """
 
     value: np.ndarray
@@ -68,20 +70,26 @@ class Predictor:
             found = zip(calibration.names, map(float, calibration.values), strict=True)
             self.fabric = varied(fabric, dict(found))
         self.calibration = calibration
-        if resolution is None:
-            # Solved once, not at every step of a search: fine enough for a narrow band.
-            solved = Resolution() if calibration is None else calibration.resolution
-            resolution = finer(common_resolution([self.fabric], solved), self.fabric)
-        self.resolution = common_resolution([self.fabric], resolution)
-        self.states = States(self.resolution)
-        if calibration is not None:
-            # Where the fit began, so that the calibrated fabric lies on the same branch.
-            self.states.rest(start)
-        self.rest = self.states.rest(self.fabric).relaxed
+        solved = Resolution() if calibration is None else calibration.resolution
+        coarse = common_resolution([self.fabric], solved if resolution is None else resolution)
+        # Solved once, not at every step of a search: fine enough for a narrow band.
+        self.resolution = finer(coarse, self.fabric) if resolution is None else coarse
+        self.states, self.rest = self._rest_at(self.resolution, start)
+        self.base = self.rest
+        if calibration is not None and coarse != self.resolution:
+            self.states, self.base = self._rest_at(coarse, start)
         self.notes = []
         self.sides = []
         if calibration is not None:
             self._spread()
+
+    def _rest_at(self, resolution, start):
+        """The States of a resolution and the fabric at rest in them."""
+        states = States(resolution)
+        if self.calibration is not None:
+            # Where the fit began, so that the calibrated fabric lies on the same branch.
+            states.rest(start)
+        return states, states.rest(self.fabric).relaxed
 
     def _spread(self):
         """Fabrics at rest at both ends along each principal axis of the uncertain inputs.
@@ -105,7 +113,7 @@ class Predictor:
         way where that has no equilibrium; the fabric itself where the bounds leave no room."""
         step = np.clip(values + step, low, high) - values
         if (np.abs(step) <= ON_BOUND * (high - low)).all():
-            return self.rest, 1.0
+            return self.base, 1.0
         for part in PARTS:
             inputs = dict(zip(self.calibration.names, values + part * step, strict=True))
             try:
@@ -117,6 +125,12 @@ class Predictor:
     def _banded(self, solve, errors):
         """{name: Prediction} of solve(relaxed) -> {name: (n,)}; errors: {name: (n,)}."""
         values = solve(self.rest)
+        base = values
+        if self.sides and self.base is not self.rest:
+            try:
+                base = solve(self.base)
+            except _FAILURES as error:
+                self.notes.append(f"the band is that of two resolutions: {error}")
         above = {name: np.zeros(len(v)) for name, v in values.items()}
         below = {name: np.zeros(len(v)) for name, v in values.items()}
         for number, both in enumerate(self.sides):
@@ -125,11 +139,11 @@ class Predictor:
                 if side is None:
                     continue
                 try:
-                    moved = values if side[0] is self.rest else solve(side[0])
+                    moved = base if side[0] is self.base else solve(side[0])
                 except _FAILURES as error:
                     self.notes.append(f"a side of the band failed: {error}")
                     continue
-                moves.append({n: (moved[n] - v) / side[1] for n, v in values.items()})
+                moves.append({n: (moved[n] - v) / side[1] for n, v in base.items()})
             if not moves:
                 self.notes.append(f"the band lacks principal axis {number + 1} of the inputs")
                 continue
@@ -138,8 +152,8 @@ class Predictor:
                 one, other = moves[0][name], moves[-1][name] if moves[1:] else -moves[0][name]
                 one = np.where(np.isfinite(one), one, -other)
                 other = np.where(np.isfinite(other), other, -one)
-                above[name] += np.fmax(np.fmax(one, other), 0.0) ** 2
-                below[name] += np.fmin(np.fmin(one, other), 0.0) ** 2
+                above[name] += np.maximum(np.maximum(one, other), 0.0) ** 2
+                below[name] += np.minimum(np.minimum(one, other), 0.0) ** 2
         found = {}
         for name, value in values.items():
             error = np.nan_to_num(errors[name])
@@ -147,7 +161,7 @@ class Predictor:
             high = value + np.hypot(np.sqrt(above[name]), error)
             if name == "strain":
                 # On loading a pull lengthens.
-                low = np.fmax(low, np.fmin(value, 0.0))
+                low = np.maximum(low, np.minimum(value, 0.0))
             found[name] = Prediction(value, low, high, errors[name])
         return found
 
@@ -156,6 +170,10 @@ class Predictor:
         self.notes = []
         if any(np.isnan(q.numerical_error).any() for q in quantities.values()):
             notes.append("the solver's own error could not be estimated everywhere")
+        if any(
+            (np.isfinite(q.value) & np.isnan(q.high - q.low)).any() for q in quantities.values()
+        ):
+            notes.append("the band is not known everywhere: no side of it reaches so far")
         short = [n for n, q in quantities.items() if not np.isfinite(q.value).all()]
         if short:
             notes.append(f"not reached everywhere: {', '.join(short)}")
@@ -189,7 +207,7 @@ class Predictor:
             strains = strains_for(SMALLEST, EVENLY, STATES)
             curve = tensile(
                 relaxed, direction, strains, to_force=float(forces[-1]), lateral=lateral,
-                estimate_error=estimate_error,
+                estimate_error=estimate_error, refine=estimate_error,
             )  # fmt: skip
             pulled = Pull(
                 curve, relaxed, np.concatenate([[0.0], curve.strain]),
