@@ -28,6 +28,7 @@ from knitsim.equilibrium.pull import (
     walk_from,
 )
 from knitsim.equilibrium.result import LOADING, RECOVERY
+from knitsim.equilibrium.walk import RUBBED_TOLERANCE
 from knitsim.errors import ComputationError, InputError
 
 SHORTEST = -0.5  # strain to which a fabric may be pushed together
@@ -181,10 +182,11 @@ def per_cycle(curve):
     The residual strain is that of the cycle's last state, NaN where it is not free of force.
     """
     rows, lost = [], 0.0
+    zero = 2.0 * RUBBED_TOLERANCE * np.abs(curve.force_per_width).max(initial=0.0)
     for cycle in np.unique(curve.cycle):
         own = curve.cycle == cycle
         peak, last = np.abs(curve.force_per_width[own]).max(), np.flatnonzero(own)[-1]
-        free = abs(curve.force_per_width[last]) <= 1e-4 * peak
+        free = abs(curve.force_per_width[last]) <= zero
         rows.append((peak, curve.strain[last] if free else np.nan, curve.dissipated[last] - lost))
         lost = curve.dissipated[last]
     return np.array(rows)
