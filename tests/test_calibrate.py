@@ -183,9 +183,9 @@ def test_a_bulky_yarn_has_a_start():
 
 @pytest.mark.slow
 def test_two_true_inputs_come_back(two_strains):
-    found = fit(two_problem(two_strains))
-    # The fit reads its curves between fewer states than the strains were read from: 0.54 % of stiffness.
-    np.testing.assert_allclose(found.values, list(TRUE.values()), rtol=1e-2)
+    # Read between as many states as the strains were: between the usual 16 the stiffness is 0.54 % off.
+    found = fit(two_problem(two_strains, states=60))
+    np.testing.assert_allclose(found.values, list(TRUE.values()), rtol=5e-3)
     assert found.misfit < 1e-3
     assert found.converged
     # The misfit rises to both sides.
