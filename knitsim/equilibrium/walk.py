@@ -138,12 +138,13 @@ class Walk:
         sign = 1.0 if self.force[at] < wanted else -1.0
         for target in targets:
             trail, there, _, status = self._go(target[None])
+            # Where yarns lock, the way may end short of the target and yet beyond the force.
+            if sign * (there.force[at] - wanted) >= 0.0:
+                self.arrived = self._to_force(wanted, trail, there, status, phase, cycle)
+                return self.arrived
             if status != REACHED:
                 self._stop(status, target)
                 return False
-            if sign * (trail.force[0, at] - wanted) >= 0.0:
-                self.arrived = self._to_force(wanted, trail, there, phase, cycle)
-                return self.arrived
             self._keep(trail, there, 1, phase, cycle)
         return True
 
@@ -159,19 +160,20 @@ class Walk:
                 return False
             force = trail.force[0, at]
             if force < -zero:
-                return self._to_force(0.0, trail, there, RECOVERY, cycle)
+                return self._to_force(0.0, trail, there, status, RECOVERY, cycle)
             self._keep(trail, there, 1, RECOVERY, cycle)
             if force <= zero:
                 return True
         self.reason = "shortened to the end of the way back, the fabric is still under tension"
         return False
 
-    def _to_force(self, wanted, trail, there, phase, cycle):
+    def _to_force(self, wanted, trail, there, status, phase, cycle):
         """The state at a force between the current one and that of ``trail`` (secants).
 
         With friction the force at a strain depends on the increments that led there, and jumps where it
         takes one more of them.  So a try that falls short is gone to before the next: what remains to
-        the force is then one short increment.
+        the force is then one short increment.  status: of the way there; one that ended before its target
+        tells a force all the same.
         """
         i = self.march.driven[0]
         near, tried = [(at.y[i], at.force[i] - wanted) for at in (self, there)]
@@ -182,11 +184,13 @@ class Walk:
         known = RUBBED_TOLERANCE if self.rub != () else FORCE_TOLERANCE
         weight = 1.0
         for n in range(TRIES):
-            if abs(tried[1]) <= min(FORCE_TOLERANCE * 10 ** (n // 2), known) * largest:
+            enough = min(FORCE_TOLERANCE * 10 ** (n // 2), known) * largest
+            if abs(tried[1]) <= enough and status == REACHED:
                 self._keep(trail, there, 1, phase, cycle)
                 return True
             if near[1] * tried[1] > 0.0:
-                self._pass(trail, there)
+                if status == REACHED:
+                    self._pass(trail, there)
                 near, tried, weight = tried, near, 1.0
             target = near[0] - weight * near[1] * (tried[0] - near[0]) / (
                 tried[1] - weight * near[1]
@@ -194,7 +198,7 @@ class Walk:
             # Illinois: the near end counts half where it stays.
             weight *= 0.5
             trail, there, _, status = self._go(np.array([[target]]))
-            if status != REACHED:
+            if status != REACHED and there.y[i] == self.y[i]:
                 self._stop(status, [target])
                 return False
             tried = there.y[i], there.force[i] - wanted
