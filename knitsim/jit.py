@@ -6,6 +6,9 @@ directory named by a hash of all sources that compiled code can come from.  Kern
 with :data:`njit` from here, never from numba, so that the directory is set before any decorator
 runs.
 
+A kernel is made ready for Python only where Python calls it, and machine code is made of those alone:
+a kernel takes in the kernels that it calls as a whole.  This halves the work of the compiler.
+
 What a scene does not have stands as an empty tuple in it.  Its type then tells the compiler, and a
 function made by :func:`choose` is compiled for what is there alone.
 """
@@ -16,10 +19,14 @@ import inspect
 import os
 import sys
 
+import llvmlite.binding as llvm
 import numba
 import numpy as np
 from numba import types
-from numba.core import caching, event
+from numba.core import caching, codegen, event, sigutils
+from numba.core.environment import lookup_environment
+from numba.core.registry import CPUDispatcher
+from numba.core.targetconfig import ConfigStack
 from numba.extending import overload
 
 from knitsim.files import cache_root
@@ -58,7 +65,117 @@ caching.IndexDataCacheFile = _CarefulFile
 # No fastmath: it would let a NaN pass the checks that must catch it.  No wrappers for C, which nothing
 # here asks for and which take time to compile.
 OPTIONS = {"error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": True}
-njit = functools.partial(numba.njit, cache=True, **OPTIONS)
+
+
+class _Library(codegen.JITCodeLibrary):
+    """Numba's code of one function; ``inner``, not machine code, where neither Python nor C has a way in."""
+
+    inner = False
+
+    def finalize(self):
+        flags = ConfigStack.top_or_none()
+        self.inner = bool(flags and flags.no_cpython_wrapper and flags.no_cfunc_wrapper)
+        super().finalize()
+
+    def _optimize_final_module(self):
+        if not self.inner:
+            super()._optimize_final_module()
+
+    def _finalize_final_module(self):
+        if not self.inner:
+            return super()._finalize_final_module()
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    def _finalize_specific(self):
+        super()._finalize_specific()
+        for variable in self._final_module.global_variables:
+            environment = lookup_environment(variable.name)
+            if environment is not None:
+                self._codegen.set_env(variable.name, environment)
+
+    def get_pointer_to_function(self, name):
+        self._ensure_finalized()
+        return 0 if self.inner else super().get_pointer_to_function(name)
+
+    def serialize_using_object_code(self):
+        return (
+            self.serialize_using_bitcode() if self.inner else super().serialize_using_object_code()
+        )
+
+    @classmethod
+    def _unserialize(cls, codegen, state):
+        name, kind, data = state
+        if kind != "bitcode":
+            return super()._unserialize(codegen, state)
+        self = codegen.create_library(name)
+        self.inner, self._final_module = True, llvm.parse_bitcode(data)
+        self._finalize_final_module()
+        return self
+
+
+def _set_env(self, name, environment, _set=codegen.JITCPUCodegen.set_env):
+    if self._engine.get_global_value_address(name):  # an inner library's has none yet
+        _set(self, name, environment)
+
+
+codegen.JITCPUCodegen._library_class, codegen.JITCPUCodegen.set_env = _Library, _set_env
+
+
+class _Files(caching.FunctionCache):
+    """Numba's files of one kernel, which keep it with and without a way in from Python."""
+
+    way_in = False
+
+    def _index_key(self, sig, codegen):
+        return super()._index_key(sig, codegen) + (self.way_in,)
+
+
+class _Kernel(CPUDispatcher):
+    """Numba's kernel, with a way in from Python where Python calls it."""
+
+    _called = False  # by Python
+
+    def enable_caching(self):
+        self._cache = _Files(self.py_func)
+
+    def _compile_for_args(self, *args, **kws):
+        self._called = True
+        try:
+            return super()._compile_for_args(*args, **kws)
+        finally:
+            self._called = False
+
+    def compile(self, sig):
+        arguments = tuple(sigutils.normalize_signature(sig)[0])
+        there = self.overloads.get(arguments)
+        if self._called and there is not None and there.library.inner:
+            del self.overloads[arguments]
+        self._cache.way_in = self._called
+        self.targetoptions["no_cpython_wrapper"] = not self._called
+        return super().compile(sig)
+
+    def add_overload(self, cres):
+        if cres.library.inner:
+            self.overloads[tuple(cres.signature.args)] = cres
+        else:
+            super().add_overload(cres)
+
+
+def njit(function=None, **options):
+    """Decorator of a kernel, as numba.njit with OPTIONS and files; options: others of Numba's."""
+    if function is None:
+        return functools.partial(njit, **options)
+    if numba.config.DISABLE_JIT:
+        return function
+    kernel = _Kernel(
+        function, targetoptions=OPTIONS | {"nopython": True, "boundscheck": None} | options
+    )
+    kernel.enable_caching()
+    return kernel
+
+
 # For kernels that make no array: they borrow those that they are given.  Counting references, atomic and
 # once or twice a call, took a third of the time of all kernels.
 leaf = functools.partial(njit, _nrt=False)

@@ -67,3 +67,42 @@ def test_fabrics_with_and_without_compilation():
     compiled, plain = with_and_without(FABRIC)
     assert len(compiled) == 12 and min(abs(value) for value in compiled) > 0.0
     assert plain == pytest.approx(compiled, rel=1e-8)
+
+
+INNER = """
+import numpy as np
+from knitsim.jit import njit
+
+@njit
+def squared(x):
+    return x * x
+
+@njit
+def total(x):
+    found = 0.0
+    for i in range(x.size):
+        found += squared(x[i])
+    return found
+
+{calls}
+print(*found, *(sum(kernel.stats.cache_misses.values()) for kernel in (squared, total)))
+"""
+
+
+@pytest.mark.parametrize(
+    "calls, compiled",
+    [
+        ("found = total(np.arange(4.0)),", [14, 1, 1]),
+        ("found = total(np.arange(4.0)), squared(3.0)", [14, 9, 2, 1]),
+        ("found = squared(3.0), total(np.arange(4.0))", [9, 14, 1, 1]),
+    ],
+)
+def test_a_kernel_that_python_calls_has_a_way_in(tmp_path, calls, compiled):
+    """Whether Python or another kernel calls it first; compiled now, then read from its file."""
+    script = tmp_path / "kernels.py"
+    script.write_text(INNER.format(calls=calls))
+    for times in (compiled, [*compiled[:-2], 0, 0]):
+        told = subprocess.run(
+            [sys.executable, script], capture_output=True, text=True, check=True
+        ).stdout
+        assert [float(word) for word in told.split()] == times
