@@ -136,7 +136,8 @@ def fig42_patterns_curves(predicted, rest):
         ax.set_ylim(bottom=0.0)
     axes[0, 0].set_ylabel("force per width (N/mm)")
     sizes = "; ".join(
-        f"{_title(one)} {from_si(float(one.thickness), 'mm'):.2f} mm, {1e3 * float(one.areal_mass):.0f} g/m2"
+        f"{_title(one)} {from_si(float(one.thickness), 'mm'):.2f} mm thick, "
+        f"{1e3 * float(one.areal_mass):.0f} g/m2"
         for one in rest
     )
     panels.legend(fig, panels.labelled(axes[0]), note=f"At rest: {sizes}.")
