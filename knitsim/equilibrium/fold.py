@@ -36,6 +36,7 @@ KEPT = 0.02  # diameters: to what it must hold at rest
 LESS = 1e-6  # of the energy: how much less counts
 SHIFTED = 4.0  # factor of a shift that is too small
 UNSTABLE = 1e-9  # of the largest eigenvalue: a negative one that is more than round-off
+SHIFT = 64 * UNSTABLE  # of the largest diagonal entry: below most lowest eigenvalues
 
 
 def lowest_mode(model, y):
@@ -64,7 +65,7 @@ def lowest_mode(model, y):
 
 def _lowest(hessian, mass):
     """Lowest eigenvalue and its vector, by Lanczos' method from a shift below it, where there is a factor."""
-    shift = UNSTABLE * hessian.diagonal().max()
+    shift = SHIFT * hessian.diagonal().max()
     while True:
         try:
             factor = cho_factor(hessian + shift * mass)

@@ -1,5 +1,6 @@
 """What the equilibrium stages share: a fabric's input as the solver wants it, states as a dataset."""
 
+import pickle
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -20,6 +21,7 @@ from knitsim.study.contact_keys import stated_contact
 from knitsim.study.schema import closure
 from knitsim.yarn.compression import fit_barrier_test
 
+_rests, KEPT_RESTS = {}, 64  # at most, of a job
 FOLLOWED = 112  # control points of a loop that resolve the effect of an assumption
 
 
@@ -129,7 +131,18 @@ def at_rest(fabric, law, resolution, **options):
     """A FabricInput at rest, with friction after its history; law, options: as :func:`solver_fabric`
     takes them."""
     with named_by_key(fabric, law):
-        return with_history(fabric, relax(solver_fabric(fabric, law, **options), resolution))
+        return with_history(fabric, _relaxed(solver_fabric(fabric, law, **options), resolution))
+
+
+def _relaxed(fabric, resolution):
+    """relax(fabric, resolution), once: the tests of a fabric, and what they follow of its assumptions, begin
+    from the same few states."""
+    same = pickle.dumps((fabric, resolution))
+    if same not in _rests:
+        if len(_rests) >= KEPT_RESTS:
+            _rests.clear()
+        _rests[same] = relax(fabric, resolution)
+    return _rests[same]
 
 
 def at_rest_again(fabric, resolution, **options):
