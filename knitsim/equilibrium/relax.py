@@ -226,6 +226,16 @@ def symmetric_of(model):
     return build_model(model.fabric, Resolution(model.cell.points, model.cell.contacts))
 
 
+def rubbing(relaxed, fabric):
+    """The relaxed state (without set) of a fabric with friction from that without, where it is the same."""
+    model = relaxed.model
+    other = build_model(
+        fabric, model.resolution, model.cell.symmetries, model.sparse, model.cell.slides
+    )
+    state = settle(other, relaxed.y, other.free(0, 3), relaxed.iterations)
+    return replace(state, passed=relaxed.passed)
+
+
 def without(relaxed, kept):
     """The relaxed state in a cell with only these symmetries of the pattern (:data:`.cell.KEPT`)."""
     model, fabric = relaxed.model, relaxed.model.fabric

@@ -2,13 +2,13 @@
 
 import pickle
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from knitsim.equilibrium.contact import BarrierContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
-from knitsim.equilibrium.relax import relax
+from knitsim.equilibrium.relax import relax, rubbing
 from knitsim.errors import InputError
 from knitsim.measured.read import read_entry
 from knitsim.stages.laws import ledger_laws
@@ -141,7 +141,11 @@ def _relaxed(fabric, resolution):
     if same not in _rests:
         if len(_rests) >= KEPT_RESTS:
             _rests.clear()
-        _rests[same] = relax(fabric, resolution)
+        smooth = replace(fabric, friction=0.0, bending_hysteresis=0.0)
+        if fabric.set_fraction or (fabric.friction, fabric.bending_hysteresis) == (0.0, 0.0):
+            _rests[same] = relax(fabric, resolution)
+        else:
+            _rests[same] = rubbing(_relaxed(smooth, resolution), fabric)
     return _rests[same]
 
 
