@@ -12,10 +12,10 @@ from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
-from knitsim.inference import trials
 from knitsim.inference.calibrate import Parameter, Problem, fit
 from knitsim.inference.continuation import Sensitivity, States, value_of, varied
-from knitsim.inference.curve_points import (
+from knitsim.inference.trials import (
+    Trials,
     pull,
     pull_of,
     strains_for,
@@ -397,5 +397,5 @@ def test_a_curve_without_a_point_that_says_something_is_refused():
 
 def test_relative_misfit_divides_by_no_less_than_a_part_of_the_largest():
     curve = tension("t", "wale", [1.0, 100.0], [1e-4, 0.3])
-    divisor = trials.Trials(Problem(ACRYLIC, [CORE], [curve])).divisor[0]
+    divisor = Trials(Problem(ACRYLIC, [CORE], [curve])).divisor[0]
     np.testing.assert_allclose(divisor, [0.05 * 0.3, 0.3])

@@ -216,7 +216,7 @@ def test_adding_a_yarn_and_a_fabric_takes_one_entry_each(tmp_path):
         with (tmp_path / "config" / f"{name}.yaml").open("a") as file:
             file.write(f"\n{entry}\n")
     study = load_study(tmp_path / "config")
-    assert list(study.fabrics) == ["cotton", "acrylic_jersey", "wool_jersey"]
+    assert list(study.fabrics) == ["cotton", "cotton_rib", "acrylic_jersey", "wool_jersey"]
     assert study.fabrics["wool_jersey"].scene["kinematic_tension"] is not None
     assert study.yarns["wool"].scene["tensile_test.readings"] == ["corrected", "printed"]
 

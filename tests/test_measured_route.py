@@ -31,7 +31,9 @@ MARK = "0.027137"  # a number of the file
 
 def measured(values):
     """Whether an array (n,) is the strain or force of the curve, in any unit, at all or most points."""
-    if values.size not in (POINTS, POINTS - 1) or values.dtype.kind != "f" or not values[-1]:
+    if values.size not in (POINTS, POINTS - 1) or values.dtype.kind != "f":
+        return False
+    if not values[-1] or not np.isfinite(values).all():
         return False
     return any(
         np.allclose(values / values[-1], (curve / curve[-1])[-values.size :], atol=1e-3)
@@ -61,6 +63,9 @@ class Route:
         if module in self.modules or module in FOUNDATION or self.calls[code] > 50:
             return
         self.calls[code] += 1
+        # A result is given to some for its labels; it carries the curve to those that read or store it.
+        words = (*code.co_names, *(one for one in code.co_consts if isinstance(one, str)))
+        self.reads = any(word.startswith("measured_") or word == "to_netcdf" for word in words)
         names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
         for name in names:
             value = frame.f_locals.get(name)
@@ -76,7 +81,7 @@ class Route:
         if isinstance(value, np.ndarray):
             return value.ndim == 1 and measured(value)
         if isinstance(value, xr.Dataset):
-            return "measured_strain" in value
+            return self.reads and "measured_strain" in value
         if depth == 0 or isinstance(value, type):
             return False
         if isinstance(value, list | tuple):

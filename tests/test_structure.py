@@ -66,3 +66,9 @@ def test_the_foundation_knows_nothing_above_it():
 def test_only_jit_imports_numba():
     for path in modules():
         assert "numba" not in {name.split(".")[0] for name in imported(path)}, path
+
+
+def test_files_are_short_enough_to_be_read():
+    assert {
+        path for path in PACKAGE.rglob("*.py") if len(path.read_text().splitlines()) > 450
+    } == set()

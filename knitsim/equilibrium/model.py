@@ -179,6 +179,13 @@ def build_model(fabric, resolution=None, kept=None, sparse=None, slides=False):
     )
 
 
+def rubbing(relaxed, fabric):
+    """The relaxed state (without set) of a fabric with friction: that of the fabric without."""
+    m = relaxed.model
+    other = build_model(fabric, m.resolution, m.cell.symmetries, m.sparse, m.cell.slides)
+    return replace(relaxed, model=other, others={})
+
+
 def with_set(model, y):
     """The model whose yarn has taken the set fraction of its curvature in the state y."""
     rod, fabric = model.scene.rod.copy(), model.fabric

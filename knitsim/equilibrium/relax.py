@@ -1,9 +1,9 @@
 """The fabric at rest: the loops find their own shape and spacings.
 
 From loops that are interlooped as the pattern says, wide and flat, with a yarn as thin as they have room
-for, the yarn grows to its own diameter, then the spacings are let go.  Where there is no room at the
-spacings of the start, these are free as it grows.  The stated spacings matter to a yarn with set alone:
-it has taken a part of the curvature that it has in the loop held at these.
+for, the yarn grows to its own diameter, then the spacings are let go; where there is no room at the start
+they are free as it grows.  The stated spacings matter to a yarn with set alone: a part of its curvature
+in the loop held at these.
 """
 
 from dataclasses import dataclass, field, replace
@@ -136,7 +136,7 @@ def is_intact(model, y):
     if model.loops > 1:
         return is_plain(model, y)
     lattice = y[model.lattice : model.lattice + 4].reshape(2, 2)
-    # All purl is plain knit seen from the back.
+    # Purl is plain knit seen from the back.
     side = 1.0 if model.fabric.pattern.stitch(0, 0) == "k" else -1.0
     points = centreline(model, y) * [1.0, 1.0, side]
     return crossings_intact(points, np.pad(lattice, ((0, 0), (0, 1))))
@@ -224,16 +224,6 @@ def symmetric_of(model):
     if len(model.cell.symmetries) == len(model.fabric.pattern.symmetries()):
         return model
     return build_model(model.fabric, Resolution(model.cell.points, model.cell.contacts))
-
-
-def rubbing(relaxed, fabric):
-    """The relaxed state (without set) of a fabric with friction from that without, where it is the same."""
-    model = relaxed.model
-    other = build_model(
-        fabric, model.resolution, model.cell.symmetries, model.sparse, model.cell.slides
-    )
-    state = settle(other, relaxed.y, other.free(0, 3), relaxed.iterations)
-    return replace(state, passed=relaxed.passed)
 
 
 def without(relaxed, kept):

@@ -16,7 +16,6 @@ from scipy.optimize import least_squares
 
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.errors import ComputationError, InputError
-from knitsim.inference import curve_points as curves_
 from knitsim.inference.bending_points import BendingPoints
 from knitsim.inference.continuation import check_input, value_of, varied
 from knitsim.inference.statistics import (
@@ -27,7 +26,7 @@ from knitsim.inference.statistics import (
     spread,
     warnings_of,
 )
-from knitsim.inference.trials import Trials
+from knitsim.inference.trials import STATES, Trials
 from knitsim.measured.test import MeasuredTest
 from knitsim.study.measured_keys import MOST_FREE
 
@@ -71,7 +70,7 @@ class Problem:
     kind: str = "strain"
     misfit: str = "relative"
     resolution: Resolution | None = None
-    states: int = curves_.STATES
+    states: int = STATES
 
     def __post_init__(self):
         parameters, curves = tuple(self.parameters), tuple(self.curves)

@@ -13,9 +13,9 @@ from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.pull import tensile
 from knitsim.errors import ComputationError, InputError
 from knitsim.inference.continuation import States, common_resolution
-from knitsim.inference.curve_points import Pull, strains_for
 from knitsim.inference.emulator import told
 from knitsim.inference.inputs import fabric_at
+from knitsim.inference.trials import Pull, strains_for
 from knitsim.measured.test import from_pretension
 
 QUANTITIES = ("strain", "lateral_strain")

@@ -20,7 +20,7 @@ from knitsim.equilibrium.result import LOADING
 from knitsim.errors import ComputationError, InputError
 from knitsim.inference.bending_points import bending_points
 from knitsim.inference.continuation import States, common_resolution, varied
-from knitsim.inference.curve_points import Pull, strains_for
+from knitsim.inference.trials import Pull, strains_for
 from knitsim.measured.test import from_pretension
 
 SMALLEST, EVENLY, STATES = 0.01, 1.0, 50  # strains solved, see strains_for

@@ -14,7 +14,7 @@ from knitsim.inference.continuation import (
     value_of,
     varied,
 )
-from knitsim.inference.curve_points import strains_for
+from knitsim.inference.trials import strains_for
 from knitsim.kes.bending_test import bending
 from knitsim.units import to_si
 

@@ -10,9 +10,8 @@ from knitsim.errors import ComputationError, InputError
 from knitsim.inference.bending_points import BendingPoints
 from knitsim.inference.calibrate import Parameter, Problem, fit
 from knitsim.inference.continuation import value_of
-from knitsim.inference.curve_points import pull_of, tension_points
 from knitsim.inference.predict import Predictor
-from knitsim.inference.trials import FLOOR
+from knitsim.inference.trials import FLOOR, pull_of, tension_points
 from knitsim.measured.read import measured_test
 from knitsim.measured.test import zero_at
 from knitsim.stages.described import describe_stage

@@ -8,7 +8,8 @@ import numpy as np
 
 from knitsim.equilibrium.contact import BarrierContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
-from knitsim.equilibrium.relax import relax, rubbing
+from knitsim.equilibrium.model import rubbing
+from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
 from knitsim.measured.read import read_entry
 from knitsim.stages.laws import ledger_laws
