@@ -56,15 +56,16 @@ def _of_barrier(law, d, square, a, b):
 def _by_density(value, middle, a, b, touch):
     """Mean of value(middle + t) below touch, t having the density of a x + b y."""
     half, less = 0.5 * (a + b), 0.5 * np.where((a - b).real < 0.0, b - a, a - b)
+    near = (middle - half).real < touch  # elsewhere nothing touches
+    total = np.zeros_like(middle)
+    middle, a, b, half, less = (x[near] for x in (middle, a, b, half, less))
     top = np.where(a.real < b.real, b, a)
     cut = touch - middle
     ends = [np.where((end - cut).real > 0.0, cut, end) for end in (-half, -less, less, half)]
     density = (lambda t: (half + t) / (a * b), lambda t: 1.0 / top, lambda t: (half - t) / (a * b))
-    total = np.zeros_like(middle)
     for low, high, of in zip(ends[:-1], ends[1:], density, strict=True):
-        for at, weight in zip(_AT, _WEIGHT, strict=True):
-            t = 0.5 * (low + high) + at * (high - low)
-            total = total + weight * (high - low) * value(middle + t) * of(t)
+        t = 0.5 * (low + high) + _AT[:, None] * (high - low)
+        total[near] += (high - low) * (_WEIGHT[:, None] * value(middle + t) * of(t)).sum(0)
     return total
 
 

@@ -58,14 +58,10 @@ class Friction:
     def step(self, before, after, memory):
         """:class:`Rubbed` at the shape ``after``, reached in one step from ``before``."""
         energy, mu = self.energy, self.energy.given.friction
-        pairs, index = np.unique(
-            np.concatenate([_pairs(before), _pairs(after), memory.pairs]),
-            axis=0,
-            return_inverse=True,
-        )
+        pairs, index = _each_once(np.concatenate([_pairs(before), _pairs(after), memory.pairs]))
         at = pairs[:, 0], pairs[:, 1], pairs[:, 2:]
         held, facing = np.zeros((len(pairs), 3)), np.zeros((len(pairs), 3))
-        known = index.ravel()[len(index.ravel()) - len(memory.pairs) :]
+        known = index[len(index) - len(memory.pairs) :]
         held[known], facing[known] = memory.held, memory.facing
         then, now = energy.gaps(before, *at), energy.gaps(after, *at)
         normal = _unit(now.T).T
@@ -130,6 +126,14 @@ class Friction:
 
 def _pairs(shape):
     return np.column_stack([shape.i, shape.k, shape.image])
+
+
+def _each_once(rows):
+    """The different rows of integers, in order, and the place of each given one among them."""
+    low = rows.min(0, initial=0)
+    one = np.ravel_multi_index((rows - low).T, rows.max(0, initial=0) - low + 1)
+    _, first, index = np.unique(one, return_index=True, return_inverse=True)
+    return rows[first], index
 
 
 def _unit(vectors):
