@@ -99,7 +99,9 @@ def test_polygon_by_hand():
     high = kes.tension(strain, force, max_force=60 * GF / 1e-2, rule="linear")
     for name in ("RT", "WT_recovered", "residual_strain"):
         assert name not in low and "50 gf/cm" in low.left_out[name]
-        assert name not in high and "(50 gf/cm) at most" in high.left_out[name]
+        assert (
+            name not in high and "comes to 50 gf/cm (49.0333 N m-1) at most" in high.left_out[name]
+        )
 
 
 def test_recovery_below_zero_force_ends_at_the_crossing():
@@ -182,10 +184,20 @@ def test_a_recovery_of_one_state_is_not_called_none():
 @pytest.mark.parametrize(
     ("strain", "force", "name", "reason"),
     [
-        ([0, 0.1, 0.2], [0, 5, 9.9], "LT", r"loading comes to 9\.9 N m-1 .* at most, not to 10"),
+        (
+            [0, 0.1, 0.2],
+            [0, 5, 9.9],
+            "LT",
+            r"loading comes to 10\.0952 gf/cm \(9\.9 N m-1\) at most, not to 10",
+        ),
         ([0, 0.1, 0.2], [0, 5, 10], "RT", "no recovery"),
         ([0, 0.1, 0.2, 0.1], [0, 5, 10, 3], "RT", "no recovery"),
-        ([0, 0.1, 0.2, 0.15, 0.1], [0, 5, 10, 6, 3], "RT", "recovery ends at 3 N m-1"),
+        (
+            [0, 0.1, 0.2, 0.15, 0.1],
+            [0, 5, 10, 6, 3],
+            "RT",
+            r"recovery ends at 3\.05915 gf/cm \(3 N m-1\)",
+        ),
         ([0, 0.1, 0.2, 0.05, 0.02, 0.0], [0, 5, 10, 2, 1, 0], "RT", "begins at strain 0.05"),
         ([0.0, 0.1, 0.2], [12, 13, 14], "LT", "already at strain 0"),
     ],
@@ -409,7 +421,7 @@ def test_ranges_that_the_test_does_not_reach():
     kappa, way = cycle_of(120.0)
     found = kes.bending(kappa, CURL + B * kappa + way * HB)
     assert "B" not in found and "2HB" in found
-    assert found.left_out["B_face"].startswith("no loading at 50 to 150 m-1 (0.5 to 1.5 1/cm)")
+    assert found.left_out["B_face"].startswith("no loading at 0.5 to 1.5 1/cm (50 to 150 m-1)")
     assert "0 to 120 m-1" in found.left_out["B_face"]
     assert found.left_out["B"].startswith("needs B_face")
     assert "2HB_face" not in kes.bending(kappa, B * kappa, hysteresis_at=130.0)
@@ -423,9 +435,9 @@ def test_ranges_that_the_test_does_not_reach():
 def test_curl_that_is_not_reached_gives_the_bound():
     kappa, way = cycle_of(250.0)
     above = kes.bending(kappa, 1e-3 + B * kappa + way * HB)
-    assert "K0" not in above and "below -250 m-1 (-2.5 1/cm)" in above.left_out["K0_falling"]
+    assert "K0" not in above and "below -2.5 1/cm (-250 m-1)" in above.left_out["K0_falling"]
     below = kes.bending(kappa, -1e-3 + B * kappa + way * HB)
-    assert "above 250 m-1 (2.5 1/cm)" in below.left_out["K0_rising"]
+    assert "above 2.5 1/cm (250 m-1)" in below.left_out["K0_rising"]
     falling = kes.bending(kappa, CURL - B * kappa)
     assert "does not pass from below to above" in falling.left_out["K0"]
     nothing = kes.bending(kappa, 0.0 * kappa)
@@ -471,7 +483,7 @@ def test_shear_parameters():
     assert found["2HG5"].value == pytest.approx(2 * (h0 + h1 * 5 * deg), rel=1e-9)
     assert found["2HG5"].kes_value == pytest.approx(found["2HG5"].value / (GF / 1e-2), rel=1e-12)
     small = kes.shear(0.5 * angle, force)
-    assert "2HG" in small and "0.0872665 rad (5 deg)" in small.left_out["2HG5"]
+    assert "2HG" in small and "5 deg (0.0872665 rad)" in small.left_out["2HG5"]
 
 
 # ---- units, tables ----
@@ -494,8 +506,8 @@ def test_printed_definitions_and_rows():
     kappa, way = cycle_of(120.0)
     found = kes.bending(kappa, B * kappa + way * HB, hysteresis_at=50.0)
     text = found.described()
-    assert "2HB = 6e-06 N (0.00061183 gf cm/cm): width of the loop at 50 m-1 (0.5 1/cm)" in text
-    assert "B_face left out: no loading at 50 to 150 m-1" in text
+    assert "2HB = 6e-06 N (0.00061183 gf cm/cm): width of the loop at 0.5 1/cm (50 m-1)" in text
+    assert "B_face left out: no loading at 0.5 to 1.5 1/cm (50 to 150 m-1)" in text
     assert "pass 1: 51 points, rule linear" in text
     rows = {row["parameter"]: row for row in found.rows()}
     assert set(rows) == set(found.parameters) | set(found.left_out)

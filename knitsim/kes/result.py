@@ -148,10 +148,10 @@ class Collector:
 
 
 def shown(values, kind):
-    """``50 to 150 m-1 (0.5 to 1.5 1/cm)`` of a pair of values, or one value likewise."""
+    """``0.5 to 1.5 1/cm (50 to 150 m-1)`` of a pair of values, or one value likewise."""
     values = values if isinstance(values, tuple) else (values,)
     units, kes_units, factor = KINDS[kind]
     # Adding 0 takes the sign from a negative zero.
     si = " to ".join(f"{value + 0.0:.6g}" for value in values)
     kes = " to ".join(f"{value * factor + 0.0:.6g}" for value in values)
-    return f"{si}{'' if units == '1' else ' ' + units} ({kes} {kes_units})"
+    return f"{kes} {kes_units} ({si}{'' if units == '1' else ' ' + units})"

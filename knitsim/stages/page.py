@@ -120,7 +120,7 @@ def _shown(value, unit):
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, str):
-        return value.replace("_", " ")
+        return value if "." in value else value.replace("_", " ")  # a file keeps its name
     return f"{units.from_si(value, unit) if unit else value:.5g}"
 
 
