@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from knitsim.equilibrium.fabric import Fabric
+from knitsim.equilibrium.kernels.accept import RUBBED_TOLERANCE
 from knitsim.equilibrium.programme import (
     RELEASED,
     Force,
@@ -20,7 +21,6 @@ from knitsim.equilibrium.programme import (
 )
 from knitsim.equilibrium.pull import FRICTION_INCREMENT, tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.equilibrium.walk import RUBBED_TOLERANCE
 from knitsim.yarn.law import paper_k3
 
 COTTON = dict(

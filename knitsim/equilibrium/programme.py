@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from knitsim.equilibrium.accuracy import solved
+from knitsim.equilibrium.kernels.accept import RUBBED_TOLERANCE
 from knitsim.equilibrium.pull import (
     FRICTION_INCREMENT,
     LARGEST_STRAIN,
@@ -28,7 +29,6 @@ from knitsim.equilibrium.pull import (
     walk_from,
 )
 from knitsim.equilibrium.result import LOADING, RECOVERY
-from knitsim.equilibrium.walk import RUBBED_TOLERANCE
 from knitsim.errors import ComputationError, InputError
 
 SHORTEST = -0.5  # strain to which a fabric may be pushed together

@@ -6,17 +6,23 @@ and by that in Python for large cells.
 
 import math
 
+import numpy as np
+
 from knitsim.equilibrium.kernels.newton import CONVERGED
 from knitsim.jit import njit
 
-REACHED, NOT_REACHED = 0, 10
+REACHED, NOT_REACHED, FOUND = 0, 10, 15
 CROSSINGS_LOST, RAN_AWAY, TOO_CLOSE, NOT_SETTLED = 11, 12, 13, 14
-ACCEPT, HALVE, STOP = 0, 1, 2
+ACCEPT, HALVE, STOP, BEYOND = 0, 1, 2, 3
 SMALLEST = 1.0 / 64.0  # of an asked step
 SMALLEST_BALANCED = 1.0 / 8.0  # of an asked step: increments are not made smaller for the balance
 # What may be neither stored nor lost in an increment: of what is lost in it, of all that was lost, of
 # its work.
 BALANCED, WHOLE_BALANCED, WORK_BALANCED = 0.05, 3e-3, 0.01
+# Of the largest force, where a force is asked for.  With friction a state is known no better than the
+# friction force is settled.
+FORCE_TOLERANCE, RUBBED_TOLERANCE = 1e-6, 1e-4
+TRIES = 40  # at most, to find it
 SNAP, LEAST_SNAP = 0.05, 1e-7  # of the larger work of both forces, of the energy: see set_free
 
 
@@ -149,3 +155,46 @@ def account(load, march, forces, gain, loss, so_far):
     most = BALANCED * loss + WHOLE_BALANCED * (lost + loss) + WORK_BALANCED * abs(work - held)
     # Where the force bends sharply, as where yarns start to slip, it is followed closely.
     return loss, work, abs(work - gain - loss) > most
+
+
+@njit
+def new_search(force, march):
+    """What :func:`seek` keeps, (7,), from the driven force (N) at which the way begins.
+
+    The side that the force is come upon from; how far on, in the unit of ``part``, an increment went
+    beyond it (0: none so far), and by how much (N); weights of the force here and of that beyond, which
+    halve where they stay; tries; the part that is usual on the way.
+    """
+    return np.array([1.0 if force < march.until else -1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+
+
+@njit
+def seek(search, before, after, part, march, rubbed):
+    """What an increment means where a force is looked for (regula falsi, Illinois): verdict, next part.
+
+    before, after: the driven forces (N).  FOUND; BEYOND where it is to be shorter; else ACCEPT.  With
+    friction the force at a strain depends on the increments that led there.  So one that falls short is
+    gone: what remains to the force is then one short increment.
+    """
+    over = search[0] * (after - march.until)
+    known = RUBBED_TOLERANCE if rubbed else FORCE_TOLERANCE
+    enough = min(FORCE_TOLERANCE * 10.0 ** (search[5] // 2.0), known) * march.scale
+    if abs(over) <= enough:
+        return FOUND, part
+    if not (over > 0.0 or search[1] > 0.0):
+        return ACCEPT, part
+    search[5] += 1.0
+    if over > 0.0:
+        short = search[0] * (march.until - before)
+        search[3] = 0.5 * search[3] if search[1] > 0.0 else 1.0
+        search[1], search[2], search[4] = part, over, 1.0
+    else:
+        short = -over
+        search[1] -= part
+        search[3], search[4] = 1.0, 0.5 * search[4]
+        # No longer beyond, on the way that was gone.
+        if search[1] <= 1e-9 * part:
+            search[1] = 0.0
+            return ACCEPT, search[6]
+    share = search[3] * short / (search[3] * short + search[4] * search[2])
+    return BEYOND if over > 0.0 else ACCEPT, search[1] * share

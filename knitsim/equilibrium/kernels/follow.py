@@ -17,18 +17,23 @@ import numpy as np
 
 from knitsim.equilibrium.kernels.accept import (
     ACCEPT,
+    BEYOND,
     CROSSINGS_LOST,
+    FOUND,
     NOT_REACHED,
     NOT_SETTLED,
     RAN_AWAY,
     REACHED,
     STOP,
     TOO_CLOSE,
+    TRIES,
     account,
     aim_at,
     decide,
     miss_of,
+    new_search,
     parts_of,
+    seek,
     step_to,
 )
 from knitsim.equilibrium.kernels.crossings import intact
@@ -59,7 +64,9 @@ class March(NamedTuple):
     the unknown it is divided by in what is asked for, or -1; largest: largest change of what is asked
     for in one increment; exact: how far a state may be from what was asked for where there is a
     divisor; widest: factor by which spacings may change before they are said to run away; trace,
-    expected: polylines of the yarns and the crossings that every state must show; control: of Newton.
+    expected: polylines of the yarns and the crossings that every state must show; control: of Newton;
+    until: force (N) on the one driven unknown, none of them over another, at which the way ends, from
+    either side, NaN for none; scale: the force (N) that its tolerance is a part of.
     """
 
     free: np.ndarray
@@ -71,6 +78,8 @@ class March(NamedTuple):
     trace: Touch
     expected: np.ndarray
     control: Control
+    until: float = math.nan
+    scale: float = 1.0
 
 
 class Standing(NamedTuple):
@@ -295,8 +304,9 @@ def follow(scene, standing, targets, march, rub, trail):
     """Visit the rows of ``targets`` (states, driven) one after another.
 
     Arrays of ``standing`` are moved along and end at the last state.  rub: :class:`.friction.Rub` or
-    ().  Fills trail; a state that is not reached and all after it keep NaN.  Returns the number of
-    states reached, the reason of the end (a status) and the memory of friction at the end.
+    ().  Fills trail; a state that is not reached and all after it keep NaN.  Where the force
+    ``march.until`` is come upon, the state there is the last, and the status FOUND.  Returns the number
+    of states reached, the reason of the end (a status) and the memory of friction at the end.
     """
     work, control = new_work(scene), march.control
     y, force, past, memory = standing
@@ -305,6 +315,8 @@ def follow(scene, standing, targets, march, rub, trail):
     before, trial, change, passed = y.copy(), np.empty(n), np.zeros(n), past.copy()
     after, moved = np.empty(n), np.zeros(n)
     stale, done, lost, rubbed = True, 0.0, 0.0, 0.0
+    driven = march.driven[0]
+    search = new_search(force[driven], march)
     listed = pairs_at(scene, y, control.skin, work)
     slip = begin_friction(scene, y, listed, rub, memory, work)
     _, _, held = end_friction(scene, y, slip, memory, work)
@@ -313,6 +325,7 @@ def follow(scene, standing, targets, march, rub, trail):
     for state in range(targets.shape[0]):
         left, iterations, increments = 1.0, 0, 0
         part, smallest, balanced = parts_of(y, targets[state], march)
+        search[1], search[6] = 0.0, part
         while left > 1e-9:
             part = part if left - part > 1e-9 else left
             if not covers(scene, listed, y, work):
@@ -346,7 +359,7 @@ def follow(scene, standing, targets, march, rub, trail):
             if status == CONVERGED and not resolved(scene, work):
                 status = TOO_CLOSE
             verdict, loss, step_work, remembered = decide(part, smallest, status), 0.0, 0.0, memory
-            rub_loss = 0.0
+            rub_loss, onward = 0.0, part
             if status == CONVERGED:
                 remembered, rub_loss, held = end_friction(scene, trial, slip, memory, work)
                 forces_at(scene, march, work, after)
@@ -360,10 +373,16 @@ def follow(scene, standing, targets, march, rub, trail):
                 )  # fmt: skip
                 verdict = decide(part, balanced, CONVERGED if not unbalanced else NOT_SETTLED)
                 verdict = ACCEPT if verdict == STOP else verdict
-            if verdict != ACCEPT:
+            if verdict == ACCEPT:
+                verdict, onward = seek(
+                    search, force[driven], after[driven], part, march, is_rubbed(rub)
+                )
+            if search[5] > TRIES:
+                return state, NOT_SETTLED, memory
+            if verdict != ACCEPT and verdict != FOUND:
                 if verdict == STOP:
                     return state, status, memory
-                part *= 0.5
+                part = onward if verdict == BEYOND else 0.5 * part
                 if status != CONVERGED:
                     copy_to(y, before)
                 stale = True
@@ -375,7 +394,7 @@ def follow(scene, standing, targets, march, rub, trail):
             copy_to(y, before)
             copy_to(trial, y)
             increments += 1
-            left -= part
+            left, part = 0.0 if verdict == FOUND else left - part, onward
         row = trail.states[state]
         for i in range(n):
             trail.y[state, i], trail.force[state, i] = y[i], force[i]
@@ -385,4 +404,6 @@ def follow(scene, standing, targets, march, rub, trail):
         row.closest, row.residual = math.sqrt(work.closest[0]), residual
         row.work, row.lost = done, lost
         row.iterations, row.increments, row.status = iterations, increments, REACHED
+        if verdict == FOUND:
+            return state + 1, FOUND, memory
     return targets.shape[0], REACHED, memory

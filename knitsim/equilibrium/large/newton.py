@@ -12,14 +12,19 @@ import numpy as np
 
 from knitsim.equilibrium.kernels.accept import (
     ACCEPT,
+    BEYOND,
     CROSSINGS_LOST,
+    FOUND,
     NOT_SETTLED,
     REACHED,
     STOP,
     TOO_CLOSE,
+    TRIES,
     account,
     decide,
+    new_search,
     parts_of,
+    seek,
     step_to,
 )
 from knitsim.equilibrium.kernels.energy import energy_of
@@ -149,9 +154,12 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
     held = end_friction(scene, y, slip, memory, inner)[2]
     energy_of(scene, y, pairs, slip, np.int64(1), inner)
     stored = inner.terms.sum() + held
+    driven = march.driven[0]
+    search = new_search(force[driven], march)
     for state, target in enumerate(targets):
         left, iterations, increments = 1.0, 0, 0
         part, smallest, balanced = parts_of(y, target, march)
+        search[1], search[6] = 0.0, part
         while left > 1e-9:
             part = part if left - part > 1e-9 else left
             pairs = sparse_pairs(scene, y, control.skin, work)
@@ -175,7 +183,7 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
                 status = CROSSINGS_LOST
             if status == CONVERGED and not resolved(scene, inner):
                 status = TOO_CLOSE
-            verdict = decide(part, smallest, status)
+            verdict, onward = decide(part, smallest, status), part
             if status == CONVERGED:
                 after, passed = _forces(scene, march, work), past.copy()
                 remembered, rub_loss, held = end_friction(scene, trial, slip, memory, inner)
@@ -186,10 +194,16 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
                 )  # fmt: skip
                 verdict = decide(part, balanced, NOT_SETTLED if unbalanced else CONVERGED)
                 verdict = ACCEPT if verdict == STOP else verdict
+            if verdict == ACCEPT:
+                verdict, onward = seek(
+                    search, force[driven], after[driven], part, march, is_rubbed(rub)
+                )
+            if search[5] > TRIES:
+                return state, NOT_SETTLED, memory
             if verdict == STOP:
                 return state, status, memory
-            if verdict != ACCEPT:
-                part *= 0.5
+            if verdict not in (ACCEPT, FOUND):
+                part = onward if verdict == BEYOND else 0.5 * part
                 work.linear = None
                 before = y.copy() if status != CONVERGED else before
                 continue
@@ -199,11 +213,13 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
             before = y.copy()
             y[:] = trial
             increments += 1
-            left -= part
+            left, part = 0.0 if verdict == FOUND else left - part, onward
         trail.y[state], trail.force[state] = y, force
         row = trail.states[state]
         row.terms[:3], row.terms[3] = inner.terms, stored - inner.terms.sum()
         row.closest, row.residual = math.sqrt(inner.closest[0]), residual
         row.work, row.lost = done, lost
         row.iterations, row.increments, row.status = iterations, increments, REACHED
+        if verdict == FOUND:
+            return state + 1, FOUND, memory
     return len(targets), REACHED, memory
