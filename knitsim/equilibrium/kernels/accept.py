@@ -6,10 +6,8 @@ and by that in Python for large cells.
 
 import math
 
-import numpy as np
-
 from knitsim.equilibrium.kernels.newton import CONVERGED
-from knitsim.jit import njit
+from knitsim.jit import leaf, njit
 
 REACHED, NOT_REACHED, FOUND = 0, 10, 15
 CROSSINGS_LOST, RAN_AWAY, TOO_CLOSE, NOT_SETTLED = 11, 12, 13, 14
@@ -157,44 +155,32 @@ def account(load, march, forces, gain, loss, so_far):
     return loss, work, abs(work - gain - loss) > most
 
 
-@njit
-def new_search(force, march):
-    """What :func:`seek` keeps, (7,), from the driven force (N) at which the way begins.
-
-    The side that the force is come upon from; how far on, in the unit of ``part``, an increment went
-    beyond it (0: none so far), and by how much (N); weights of the force here and of that beyond, which
-    halve where they stay; tries; the part that is usual on the way.
-    """
-    return np.array([1.0 if force < march.until else -1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
-
-
-@njit
+@leaf
 def seek(search, before, after, part, march, rubbed):
-    """What an increment means where a force is looked for (regula falsi, Illinois): verdict, next part.
+    """What an increment means where a force is looked for, by secants: verdict, next part.
 
-    before, after: the driven forces (N).  FOUND; BEYOND where it is to be shorter; else ACCEPT.  With
-    friction the force at a strain depends on the increments that led there.  So one that falls short is
-    gone: what remains to the force is then one short increment.
+    search (4,): the side that the force is come upon from, 1 from below; weight of the force here, which
+    halves where it stays, 0 as long as no increment went beyond; the part that is usual on the way; tries.
+    before, after: the driven forces (N).  FOUND; BEYOND where the increment is to be shorter; STOP after too
+    many tries; else ACCEPT.  With friction the force at a strain depends on the increments that led there.
+    So one that falls short is gone: what remains to the force is then one short increment.
     """
     over = search[0] * (after - march.until)
-    known = RUBBED_TOLERANCE if rubbed else FORCE_TOLERANCE
-    enough = min(FORCE_TOLERANCE * 10.0 ** (search[5] // 2.0), known) * march.scale
+    enough = FORCE_TOLERANCE * march.scale
+    if rubbed and search[3] >= 2.0:
+        enough = (RUBBED_TOLERANCE if search[3] >= 4.0 else 0.1 * RUBBED_TOLERANCE) * march.scale
     if abs(over) <= enough:
         return FOUND, part
     if not (over > 0.0 or search[1] > 0.0):
         return ACCEPT, part
-    search[5] += 1.0
+    search[3] += 1.0
+    if search[3] > TRIES:
+        return STOP, part
     if over > 0.0:
         short = search[0] * (march.until - before)
-        search[3] = 0.5 * search[3] if search[1] > 0.0 else 1.0
-        search[1], search[2], search[4] = part, over, 1.0
-    else:
-        short = -over
-        search[1] -= part
-        search[3], search[4] = 1.0, 0.5 * search[4]
-        # No longer beyond, on the way that was gone.
-        if search[1] <= 1e-9 * part:
-            search[1] = 0.0
-            return ACCEPT, search[6]
-    share = search[3] * short / (search[3] * short + search[4] * search[2])
-    return BEYOND if over > 0.0 else ACCEPT, search[1] * share
+        search[1] = 0.5 * search[1] if search[1] > 0.0 else 1.0
+        return BEYOND, part * search[1] * short / (search[1] * short + over)
+    search[1], gained = 1.0, search[0] * (after - before)
+    # Not kept to where an increment has been too long: from here on the force may lie further on.
+    further = -over * part < search[2] * gained
+    return ACCEPT, -over * part / gained if further else search[2]

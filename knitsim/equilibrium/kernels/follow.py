@@ -26,12 +26,10 @@ from knitsim.equilibrium.kernels.accept import (
     REACHED,
     STOP,
     TOO_CLOSE,
-    TRIES,
     account,
     aim_at,
     decide,
     miss_of,
-    new_search,
     parts_of,
     seek,
     step_to,
@@ -315,8 +313,9 @@ def follow(scene, standing, targets, march, rub, trail):
     before, trial, change, passed = y.copy(), np.empty(n), np.zeros(n), past.copy()
     after, moved = np.empty(n), np.zeros(n)
     stale, done, lost, rubbed = True, 0.0, 0.0, 0.0
-    driven = march.driven[0]
-    search = new_search(force[driven], march)
+    driven, reached, ended = march.driven[0], 0, REACHED
+    search = np.zeros(4)
+    search[0] = 1.0 if force[driven] < march.until else -1.0
     listed = pairs_at(scene, y, control.skin, work)
     slip = begin_friction(scene, y, listed, rub, memory, work)
     _, _, held = end_friction(scene, y, slip, memory, work)
@@ -325,7 +324,7 @@ def follow(scene, standing, targets, march, rub, trail):
     for state in range(targets.shape[0]):
         left, iterations, increments = 1.0, 0, 0
         part, smallest, balanced = parts_of(y, targets[state], march)
-        search[1], search[6] = 0.0, part
+        search[1], search[2] = 0.0, part
         while left > 1e-9:
             part = part if left - part > 1e-9 else left
             if not covers(scene, listed, y, work):
@@ -377,11 +376,9 @@ def follow(scene, standing, targets, march, rub, trail):
                 verdict, onward = seek(
                     search, force[driven], after[driven], part, march, is_rubbed(rub)
                 )
-            if search[5] > TRIES:
-                return state, NOT_SETTLED, memory
             if verdict != ACCEPT and verdict != FOUND:
                 if verdict == STOP:
-                    return state, status, memory
+                    return state, NOT_SETTLED if status == CONVERGED else status, memory
                 part = onward if verdict == BEYOND else 0.5 * part
                 if status != CONVERGED:
                     copy_to(y, before)
@@ -404,6 +401,8 @@ def follow(scene, standing, targets, march, rub, trail):
         row.closest, row.residual = math.sqrt(work.closest[0]), residual
         row.work, row.lost = done, lost
         row.iterations, row.increments, row.status = iterations, increments, REACHED
+        reached += 1
         if verdict == FOUND:
-            return state + 1, FOUND, memory
-    return targets.shape[0], REACHED, memory
+            ended = FOUND
+            break
+    return reached, ended, memory

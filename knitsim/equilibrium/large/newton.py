@@ -19,10 +19,8 @@ from knitsim.equilibrium.kernels.accept import (
     REACHED,
     STOP,
     TOO_CLOSE,
-    TRIES,
     account,
     decide,
-    new_search,
     parts_of,
     seek,
     step_to,
@@ -155,11 +153,12 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
     energy_of(scene, y, pairs, slip, np.int64(1), inner)
     stored = inner.terms.sum() + held
     driven = march.driven[0]
-    search = new_search(force[driven], march)
+    search = np.zeros(4)
+    search[0] = 1.0 if force[driven] < march.until else -1.0
     for state, target in enumerate(targets):
         left, iterations, increments = 1.0, 0, 0
         part, smallest, balanced = parts_of(y, target, march)
-        search[1], search[6] = 0.0, part
+        search[1], search[2] = 0.0, part
         while left > 1e-9:
             part = part if left - part > 1e-9 else left
             pairs = sparse_pairs(scene, y, control.skin, work)
@@ -198,10 +197,8 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
                 verdict, onward = seek(
                     search, force[driven], after[driven], part, march, is_rubbed(rub)
                 )
-            if search[5] > TRIES:
-                return state, NOT_SETTLED, memory
             if verdict == STOP:
-                return state, status, memory
+                return state, NOT_SETTLED if status == CONVERGED else status, memory
             if verdict not in (ACCEPT, FOUND):
                 part = onward if verdict == BEYOND else 0.5 * part
                 work.linear = None
