@@ -11,7 +11,7 @@ from knitsim.jit import leaf, njit
 
 REACHED, NOT_REACHED, FOUND = 0, 10, 15
 CROSSINGS_LOST, RAN_AWAY, TOO_CLOSE, NOT_SETTLED = 11, 12, 13, 14
-ACCEPT, HALVE, STOP, BEYOND = 0, 1, 2, 3
+ACCEPT, HALVE, STOP = 0, 1, 2
 SMALLEST = 1.0 / 64.0  # of an asked step
 SMALLEST_BALANCED = 1.0 / 8.0  # of an asked step: increments are not made smaller for the balance
 # What may be neither stored nor lost in an increment: of what is lost in it, of all that was lost, of
@@ -161,16 +161,17 @@ def seek(search, before, after, part, march, rubbed):
 
     search (4,): the side that the force is come upon from, 1 from below; weight of the force here, which
     halves where it stays, 0 as long as no increment went beyond; the part that is usual on the way; tries.
-    before, after: the driven forces (N).  FOUND; BEYOND where the increment is to be shorter; STOP after too
-    many tries; else ACCEPT.  With friction the force at a strain depends on the increments that led there.
-    So one that falls short is gone: what remains to the force is then one short increment.
+    before, after: the driven forces (N).  The next part is 0 where the force is found.  HALVE where the
+    increment went beyond it, to be repeated with the next part; STOP after too many tries; else ACCEPT.  With
+    friction the force at a strain depends on the increments that led there.  So one that falls short is
+    gone: what remains to the force is then one short increment.
     """
     over = search[0] * (after - march.until)
     enough = FORCE_TOLERANCE * march.scale
     if rubbed and search[3] >= 2.0:
         enough = (RUBBED_TOLERANCE if search[3] >= 4.0 else 0.1 * RUBBED_TOLERANCE) * march.scale
     if abs(over) <= enough:
-        return FOUND, part
+        return ACCEPT, 0.0
     if not (over > 0.0 or search[1] > 0.0):
         return ACCEPT, part
     search[3] += 1.0
@@ -179,7 +180,7 @@ def seek(search, before, after, part, march, rubbed):
     if over > 0.0:
         short = search[0] * (march.until - before)
         search[1] = 0.5 * search[1] if search[1] > 0.0 else 1.0
-        return BEYOND, part * search[1] * short / (search[1] * short + over)
+        return HALVE, part * search[1] * short / (search[1] * short + over)
     search[1], gained = 1.0, search[0] * (after - before)
     # Not kept to where an increment has been too long: from here on the force may lie further on.
     further = -over * part < search[2] * gained

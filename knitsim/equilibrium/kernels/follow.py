@@ -17,7 +17,6 @@ import numpy as np
 
 from knitsim.equilibrium.kernels.accept import (
     ACCEPT,
-    BEYOND,
     CROSSINGS_LOST,
     FOUND,
     NOT_REACHED,
@@ -358,7 +357,7 @@ def follow(scene, standing, targets, march, rub, trail):
             if status == CONVERGED and not resolved(scene, work):
                 status = TOO_CLOSE
             verdict, loss, step_work, remembered = decide(part, smallest, status), 0.0, 0.0, memory
-            rub_loss, onward = 0.0, part
+            rub_loss, onward = 0.0, 0.5 * part
             if status == CONVERGED:
                 remembered, rub_loss, held = end_friction(scene, trial, slip, memory, work)
                 forces_at(scene, march, work, after)
@@ -376,10 +375,10 @@ def follow(scene, standing, targets, march, rub, trail):
                 verdict, onward = seek(
                     search, force[driven], after[driven], part, march, is_rubbed(rub)
                 )
-            if verdict != ACCEPT and verdict != FOUND:
+            if verdict != ACCEPT:
                 if verdict == STOP:
                     return state, NOT_SETTLED if status == CONVERGED else status, memory
-                part = onward if verdict == BEYOND else 0.5 * part
+                part = onward
                 if status != CONVERGED:
                     copy_to(y, before)
                 stale = True
@@ -391,7 +390,7 @@ def follow(scene, standing, targets, march, rub, trail):
             copy_to(y, before)
             copy_to(trial, y)
             increments += 1
-            left, part = 0.0 if verdict == FOUND else left - part, onward
+            left, part = left - part if onward > 0.0 else 0.0, onward
         row = trail.states[state]
         for i in range(n):
             trail.y[state, i], trail.force[state, i] = y[i], force[i]
@@ -402,7 +401,7 @@ def follow(scene, standing, targets, march, rub, trail):
         row.work, row.lost = done, lost
         row.iterations, row.increments, row.status = iterations, increments, REACHED
         reached += 1
-        if verdict == FOUND:
+        if onward == 0.0:
             ended = FOUND
             break
     return reached, ended, memory

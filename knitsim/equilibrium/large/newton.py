@@ -12,7 +12,6 @@ import numpy as np
 
 from knitsim.equilibrium.kernels.accept import (
     ACCEPT,
-    BEYOND,
     CROSSINGS_LOST,
     FOUND,
     NOT_SETTLED,
@@ -182,7 +181,7 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
                 status = CROSSINGS_LOST
             if status == CONVERGED and not resolved(scene, inner):
                 status = TOO_CLOSE
-            verdict, onward = decide(part, smallest, status), part
+            verdict, onward = decide(part, smallest, status), 0.5 * part
             if status == CONVERGED:
                 after, passed = _forces(scene, march, work), past.copy()
                 remembered, rub_loss, held = end_friction(scene, trial, slip, memory, inner)
@@ -199,8 +198,8 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
                 )
             if verdict == STOP:
                 return state, NOT_SETTLED if status == CONVERGED else status, memory
-            if verdict not in (ACCEPT, FOUND):
-                part = onward if verdict == BEYOND else 0.5 * part
+            if verdict != ACCEPT:
+                part = onward
                 work.linear = None
                 before = y.copy() if status != CONVERGED else before
                 continue
@@ -210,13 +209,13 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
             before = y.copy()
             y[:] = trial
             increments += 1
-            left, part = 0.0 if verdict == FOUND else left - part, onward
+            left, part = left - part if onward > 0.0 else 0.0, onward
         trail.y[state], trail.force[state] = y, force
         row = trail.states[state]
         row.terms[:3], row.terms[3] = inner.terms, stored - inner.terms.sum()
         row.closest, row.residual = math.sqrt(inner.closest[0]), residual
         row.work, row.lost = done, lost
         row.iterations, row.increments, row.status = iterations, increments, REACHED
-        if verdict == FOUND:
+        if onward == 0.0:
             return state + 1, FOUND, memory
     return len(targets), REACHED, memory
