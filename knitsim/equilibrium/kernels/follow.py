@@ -370,6 +370,8 @@ def follow(scene, standing, targets, march, rub, trail):
                     (stored, rubbed),
                 )  # fmt: skip
                 verdict = decide(part, balanced, CONVERGED if not unbalanced else NOT_SETTLED)
+                # Where the fabric snaps, it does so in each part that is long enough.
+                onward = balanced if unbalanced and rubbed + rub_loss == 0.0 else onward
                 verdict = ACCEPT if verdict == STOP else verdict
             if verdict == ACCEPT:
                 verdict, onward = seek(

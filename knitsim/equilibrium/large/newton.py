@@ -191,6 +191,8 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
                     (stored, rubbed),
                 )  # fmt: skip
                 verdict = decide(part, balanced, NOT_SETTLED if unbalanced else CONVERGED)
+                # Where the fabric snaps, it does so in each part that is long enough.
+                onward = balanced if unbalanced and rubbed + rub_loss == 0.0 else onward
                 verdict = ACCEPT if verdict == STOP else verdict
             if verdict == ACCEPT:
                 verdict, onward = seek(
