@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from knitsim.equilibrium.kernels.accept import RUBBED_TOLERANCE
 from knitsim.equilibrium.kernels.records import COURSE_SPACING, WALE_SPACING
 from knitsim.equilibrium.pull import LARGEST_STRAIN, PULLED, tensile
 from knitsim.equilibrium.result import LOADING, RECOVERY
-from knitsim.equilibrium.kernels.accept import RUBBED_TOLERANCE
 from knitsim.errors import ComputationError, InputError
 from knitsim.inference.bending_points import BendingPoints, bending_points
 from knitsim.inference.continuation import Sensitivity, States, common_resolution, varied
