@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from knitsim.equilibrium.fabric import Fabric
-from knitsim.equilibrium.kernels.accept import RUBBED_TOLERANCE
+from knitsim.equilibrium.kernels.accept import FORCE_TOLERANCE, RUBBED_TOLERANCE
 from knitsim.equilibrium.programme import (
     RELEASED,
     Force,
@@ -141,3 +141,18 @@ def test_random_programmes_never_gain_energy(friction):
         stored = curve.energy.sum(1) - relaxed.energy.sum()
         scale = np.abs(curve.work).max()
         np.testing.assert_allclose(curve.work, stored + curve.dissipated, rtol=0, atol=5e-3 * scale)
+
+
+def test_a_force_is_found_from_either_side_where_a_pull_to_that_strain_has_it():
+    relaxed = relax(Fabric(**COTTON))
+    curve = programme(relaxed, "course", [Force(20.0), Force(5.0), RELEASED], states=1)
+    ends = np.flatnonzero(np.diff(curve.segment, append=3))
+    np.testing.assert_allclose(
+        curve.force_per_width[ends], [20.0, 5.0, 0.0], atol=20.0 * FORCE_TOLERANCE
+    )
+    for end in ends[:2]:
+        straight = tensile(relaxed, "course", curve.strain[[end]])
+        np.testing.assert_allclose(straight.force_per_width, curve.force_per_width[end], rtol=1e-6)
+    # No state lies beyond the force that its way ends at.
+    assert curve.force_per_width.max() <= 20.0 * (1.0 + FORCE_TOLERANCE)
+    np.testing.assert_allclose(curve.strain[-1], 0.0, atol=1e-5)
