@@ -167,7 +167,16 @@ def _load(asked, curve):
 
 
 def every_step(asked, curve):
-    """The test with a state wherever the solver has stepped between two that are asked for."""
+    """The test with a state wherever the solver has stepped between two, on ways back and out again too."""
+    if asked.kind == "tension":
+        # Every way goes through the same strains.
+        parts, ends = {}, np.round(np.append(0.0, curve.strain), 6)
+        for a, b, k in zip(ends[:-1], ends[1:], curve.increments, strict=True):
+            way = min(a, b), max(a, b)
+            parts[way] = max(k, parts.get(way, 1))
+        between = np.concatenate([np.linspace(*way, k + 1)[1:-1] for way, k in parts.items()])
+        between = between[(between > 0.0) & (between < asked.path[-1])]
+        return replace(asked, path=tuple(np.union1d(asked.path, between).tolist()))
     path = np.reshape(asked.path, (len(asked.path), -1))
     parts = np.ones(len(path), dtype=int)
     n = min(len(path), curve.steps)
