@@ -107,7 +107,7 @@ class Friction:
         turned = np.sign((axis * memory.axis).sum(0))
         start = np.where(turned < 0.0, -memory.lag[[0, 2, 1]], turned * memory.lag)
         change = (axis * energy.turn_of(after)).sum(0) - size_of(was.T).T + start
-        # What is held at the end rises with what was at the start: bounds stay bounds, and meet where it slides.
+        # What is held at the end rises with what was at the start: bounds stay so, and meet where it slides.
         kept = np.clip(change, -couple / self.locked, couple / self.locked)
         lost = (couple * energy.weight * np.abs(change - kept)[0]).sum()
         held = (0.5 * self.locked * energy.weight * kept[0] ** 2).sum()

@@ -224,7 +224,7 @@ class Loads:
         yield from above("smallest distance is not that of the shape", off, SAME)
 
     def _unsure(self, i):
-        """How far friction forces between yarns may be off that are told anew in the state i, over their sum."""
+        """How far friction between yarns may be off that is told anew in the state i, over its sum."""
         unsure, rubs = SETTLED, False
         for n in range(1, i + 1):
             # The first way is straight until more is lost than springs hold.
