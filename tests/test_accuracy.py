@@ -11,10 +11,10 @@ import yaml
 
 from knitsim.equilibrium import accuracy
 from knitsim.equilibrium.bend import bend
-from knitsim.equilibrium.fabric import Resolution
+from knitsim.equilibrium.fabric import LEAST_POINTS, Fabric, Resolution
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax
-from knitsim.errors import InputError
+from knitsim.errors import ComputationError, InputError
 from knitsim.stages import equilibrium_bending, equilibrium_rest, equilibrium_tension
 from knitsim.stages.equilibrium import followed_at, settings_of, solver_fabric
 from knitsim.stages.laws import stated_law
@@ -22,6 +22,7 @@ from knitsim.stages.page import _with_error
 from knitsim.stages.summary import _agreement, _worst
 from knitsim.store.tensile import counted_error
 from knitsim.study.study import load_study
+from knitsim.yarn.law import TensionLaw
 
 SMOOTH = {"smooth": {}}
 RUBBING = {"rubs": {"friction": True}}
@@ -96,6 +97,33 @@ def test_an_accuracy_that_is_not_reached_is_told(tmp_path, monkeypatch):
     told = json.loads(pulled.attrs["settings"])
     assert (told["accuracy"], told["smooth"]["points"]) == (1e-4, 32)
     assert 1e-4 < float(pulled.numerical_error.max()) < 0.5
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_an_error_that_nothing_tells_is_unknown(friction, monkeypatch):
+    """A coarser solution that took as many points as the finer, or was not found, says nothing."""
+    law = TensionLaw((0.0, 0.01, 0.07), (0.0, 0.44, 5.84), 0.07)
+    cotton = Fabric(1.5e-3, 1.2e-3, 5.56e-3, 0.28e-3, 5e-9, law, friction=friction)
+    rest = relax(cotton, Resolution(28))
+
+    def errors():
+        return tensile(rest, "course", [0.01, 0.02], estimate_error=True).numerical_error
+
+    told = errors()
+    assert (told > 0.0).all()
+    monkeypatch.setattr(accuracy, "coarser", lambda resolution, _: resolution)
+    assert np.isnan(errors()).all()
+    coarse = Resolution(4 * LEAST_POINTS)
+    monkeypatch.setattr(accuracy, "coarser", lambda resolution, _: coarse)
+    at = accuracy.at_resolution
+
+    def not_found(relaxed, resolution):
+        if resolution == coarse:
+            raise ComputationError("none")
+        return at(relaxed, resolution)
+
+    monkeypatch.setattr(accuracy, "at_resolution", not_found)
+    assert np.isnan(errors()).all()
 
 
 def test_points_are_what_they_were_without_an_accuracy(tmp_path):

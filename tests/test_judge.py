@@ -246,6 +246,24 @@ def test_friction_that_is_not_the_fabric_s(kind):
     assert "friction takes less" in strong
 
 
+def test_couples_after_several_steps_between_two_states():
+    """Without friction between yarns only bounds tell what lags; they leave other errors to be found."""
+    case, asked = KINDS["bent, lagging"]
+    case = replace(case, friction=0.0)
+    relaxed = relaxed_of(case)
+    curve = run.solved(asked, relaxed)
+    given, states = given_of(case, relaxed), states_of(asked, relaxed, curve)
+    kept = np.setdiff1d(np.arange(len(states.work)), [7, 8])
+    some = type(states)(*(np.asarray(v)[kept] for v in vars(states).values()))
+    some = replace(some, increments=np.add.reduceat(states.increments, np.append(0, kept[:-1] + 1)))
+    test = replace(wanted_of(asked, relaxed, curve), asked=None)
+    assert judge(given, some, test) == []
+    lagging = replace(given, bending_hysteresis=1.05 * given.bending_hysteresis)
+    assert "a control point is not in equilibrium" in found(lagging, some, test)
+    wrong = found(given, some, test, moment=1.02 * some.moment, work=1.03 * some.work)
+    assert "moment is not the slope" in wrong and "work is not stored" in wrong
+
+
 @pytest.mark.parametrize("kind", ["pulled", "bent, lagging"])
 def test_friction_that_gives_way_elastically(kind):
     """Springs that are stiffer than stated, and a tenth of what is lost told as held in them."""

@@ -1,6 +1,7 @@
 """Contact averaged over cells against a fine grid; friction told anew against many small steps."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -178,6 +179,51 @@ def test_what_lags_in_the_yarn(rough):
     most = rub.most(shapes[1])
     for a, b in zip(found.acting, most, strict=True):
         assert (np.abs(a) <= b * (1 + 1e-9)).all()
+
+
+def slid_along(turns, most, steps=200):
+    """Elastic parts of a turning that goes straight through vectors (n, 3), by small steps."""
+    held, axis, found = 0.0, turns[0], [0.0]
+    for before, after in itertools.pairwise(turns):
+        held *= np.sign(before @ axis)
+        axis = before / np.linalg.norm(before)
+        for _ in range(steps):
+            held = min(max(held + (after - before) @ axis / steps, -most), most)
+        found.append(held)
+    return found
+
+
+def test_what_lags_after_ways_there_and_back(rough):
+    """Told step by step it is exact; after an unknown way within bounds, which meet where it slides."""
+    given = dataclasses.replace(BARRIER, friction=0.0, bending_hysteresis=1e-7)
+    energy = Energy(given, 3, 40, True, 1)
+    way, along, shapes = moved(energy, rough, (0.0, 1.0, -1.0, -0.5, 0.2, 3.0, 3.0 + 1e-5, -100.0))
+    rub, most = Friction(energy), 1e-7 / (20.0 * 5e-9)
+    turns = np.array([energy.turn_of(shape)[:, 0].T for shape in shapes])
+    exact = np.array([slid_along(turns[:, p], most) for p in range(turns.shape[1])])
+    steps, memory = [None], rub.begun(shapes[0])
+    for n in range(1, len(shapes)):
+        steps.append(rub.step(*shapes[n - 1 : n + 1], memory))
+        memory = steps[-1].memory
+        assert memory.lag[:, 0] == pytest.approx(np.array([exact[:, n]] * 3), abs=1e-9 * most)
+        assert not any(np.any(part) for part in rub.unsure(shapes[n], memory))
+    # What acts does the work that is held or lost.
+    on_control, on_lattice, couple = steps[6].acting
+    work = (on_control * way).sum() + on_lattice @ along + couple * 1e-3
+    assert (steps[6].lost + steps[6].held - steps[5].held) / 1e-5 == pytest.approx(work, rel=1e-4)
+    # The way there and back between the states 0 and 3 is not known.
+    memory = rub.doubted(rub.step(shapes[0], shapes[3], rub.begun(shapes[0])).memory)
+    assert (np.abs(memory.lag[0, 0] - exact[:, 3]) > 0.1 * most).any()
+    for n in range(4, len(shapes)):
+        found = rub.step(*shapes[n - 1 : n + 1], memory)
+        memory, unsure = found.memory, rub.unsure(shapes[n], found.memory)
+        least, highest = memory.lag[1:, 0] + 1e-9 * most * np.array([[-1.0], [1.0]])
+        assert (least <= exact[:, n]).all() and (exact[:, n] <= highest).all()
+        for a, b, off in zip(found.acting, steps[n].acting, unsure, strict=True):
+            assert (np.abs(a - b) <= off + 1e-9 * np.abs(b).max()).all()
+        if n == 4:
+            assert (least < highest - most).any() and max(np.max(off) for off in unsure) > 0.0
+    assert not any(np.any(off) for off in unsure)
 
 
 def test_a_fabric_that_only_rolls_up_does_not_rub(rough):

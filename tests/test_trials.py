@@ -164,6 +164,35 @@ def test_paths():
     assert way[[1, *(turns + 1)]].tolist() == [2.5, 247.5, -247.5]
 
 
+def test_steps_between_states_become_states_on_ways_back_too():
+    asked = Asked("tension", "course", (0.02, 0.04, 0.1), cycles=2)
+    way = ([0.02, 0.04, 0.1, 0.04, 0.035], [1, 2, 1, 3, 4], [0.04, 0.1], [5, 1])
+    curve = SimpleNamespace(
+        strain=np.array(way[0] + way[2]), increments=np.array(way[1] + way[3]), steps=7
+    )
+    filled = run.every_step(asked, curve)
+    # Once the way from 0.04 to 0.1 has taken three steps, and that from 0.035 to 0.04 five.
+    between = [0.03, 0.036, 0.037, 0.038, 0.039, 0.06, 0.08]
+    assert filled.path == pytest.approx(sorted([*asked.path, *between]))
+    bent = replace(BENT, path=(0.0, 50.0, 0.0))
+    curve = SimpleNamespace(increments=np.array([1, 2, 1]), steps=3)
+    assert run.every_step(bent, curve).path == pytest.approx((0.0, 25.0, 50.0, 0.0))
+    # Of thousands every so many is one.
+    curve.increments *= 2 * run.MOST_STATES
+    assert run.MOST_STATES < len(run.every_step(bent, curve).path) < run.MOST_STATES + 4
+
+
+@pytest.mark.slow
+def test_yarns_that_lock_are_followed_in_short_steps():
+    """Friction of 0.95 that settles in short steps alone: to the end, and as in shorter ones."""
+    case = CAMPAIGNS["stress"].draw(70, 51251)
+    relaxed, asked = relaxed_of(case), replace(case.tests[0], cycles=0)
+    curve = run.solved(asked, relaxed)
+    assert (curve.stop_reason, curve.steps) == ("", 3)
+    finer = run.solved(replace(asked, increment=0.0025), relaxed)
+    assert curve.force_per_loop == pytest.approx(finer.force_per_loop, rel=1e-4)
+
+
 # ---------------------------------------------------------------- rule
 
 

@@ -12,7 +12,7 @@ from knitsim.jit import leaf, njit
 REACHED, NOT_REACHED, FOUND = 0, 10, 15
 CROSSINGS_LOST, RAN_AWAY, TOO_CLOSE, NOT_SETTLED = 11, 12, 13, 14
 ACCEPT, HALVE, STOP = 0, 1, 2
-SMALLEST = 1.0 / 64.0  # of an asked step
+SMALLEST = 1.0 / 256.0  # of an asked step: where yarns lock, friction settles in short ones alone
 SMALLEST_BALANCED = 1.0 / 8.0  # of an asked step: increments are not made smaller for the balance
 # What may be neither stored nor lost in an increment: of what is lost in it, of all that was lost, of
 # its work.

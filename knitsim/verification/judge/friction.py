@@ -5,7 +5,7 @@ Coulomb's limit and no further; the yarn's moment lags behind its curvature like
 to the next both follow from the shapes at its ends, as long as every step is among the states.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,8 +17,8 @@ FIRST_TOUCH = 0.1  # of the gap over which the stiffness of a contact at first t
 @dataclass(frozen=True, eq=False)
 class Memory:
     """What is remembered: pairs (n, 4), i, k, image; held (n, 3): elongation (m) of their springs; facing
-    (n, 3): the normal it lies across; axis (3, yarns, m), lag (yarns, m): direction and elastic part of
-    the yarn's turning (1/m)."""
+    (n, 3): the normal it lies across; axis (3, yarns, m), lag (3, yarns, m): direction of the yarn's
+    turning, and its elastic part (1/m), the least and the most that this can be."""
 
     pairs: np.ndarray
     held: np.ndarray
@@ -53,7 +53,12 @@ class Friction:
     def begun(self, shape):
         """Memory at a shape in which nothing has rubbed yet."""
         turn, none = self.energy.turn_of(shape), np.zeros((0, 3))
-        return Memory(np.zeros((0, 4), int), none, none, _unit(turn), np.zeros(turn.shape[1:]))
+        return Memory(np.zeros((0, 4), int), none, none, _unit(turn), np.zeros(turn.shape))
+
+    def doubted(self, memory):
+        """Memory after a way that is not known: within the yarn anything may be held, up to the limit."""
+        most = np.full_like(memory.lag[0], self.energy.given.bending_hysteresis / self.locked)
+        return replace(memory, lag=np.stack([memory.lag[0], -most, most]))
 
     def step(self, before, after, memory):
         """:class:`Rubbed` at the shape ``after``, reached in one step from ``before``."""
@@ -100,11 +105,13 @@ class Friction:
         was = energy.turn_of(before)
         axis = _unit(was)
         turned = np.sign((axis * memory.axis).sum(0))
-        change = (axis * energy.turn_of(after)).sum(0) - size_of(was.T).T + turned * memory.lag
+        start = np.where(turned < 0.0, -memory.lag[[0, 2, 1]], turned * memory.lag)
+        change = (axis * energy.turn_of(after)).sum(0) - size_of(was.T).T + start
+        # What is held at the end rises with what was at the start: bounds stay so, and meet where it slides.
         kept = np.clip(change, -couple / self.locked, couple / self.locked)
-        lost = (couple * energy.weight * np.abs(change - kept)).sum()
-        held = (0.5 * self.locked * energy.weight * kept**2).sum()
-        part = self.locked / couple * kept * axis
+        lost = (couple * energy.weight * np.abs(change - kept)[0]).sum()
+        held = (0.5 * self.locked * energy.weight * kept[0] ** 2).sum()
+        part = self.locked / couple * kept[0] * axis
         acting = energy.lagging(after, lambda slope: (part * slope).sum(0), acting)
         return acting, lost, held, axis, kept
 
@@ -119,9 +126,21 @@ class Friction:
         turns = np.tile(energy.turns, energy.given.courses)
         steps = np.abs(shape.image - np.outer(turns[shape.i] - turns[shape.k], [1, 0]))
         found = np.abs(energy.place).T @ at, steps.T @ on_i[:, :2], across[4].sum()
-        if energy.given.bending_hysteresis > 0.0:
-            found = energy.lagging(shape, lambda slope: size_of(slope.T).T, found, np.abs)
-        return energy.told(found)
+        return energy.told(self._couples(shape, 1.0, found))
+
+    def unsure(self, shape, memory):
+        """How far what the couples do may be off by the bounds of their memory, as :meth:`most` gives it."""
+        wide, none = np.abs(memory.lag[1:] - memory.lag[0]).max(0), np.zeros_like(shape.control)
+        if not wide.any():
+            return none, np.zeros(4), 0.0
+        part = self.locked / self.energy.given.bending_hysteresis * wide
+        return self.energy.told(self._couples(shape, part, (none, np.zeros((2, 2)), 0.0)))
+
+    def _couples(self, shape, part, found):
+        """Derivatives with the most that a part of the couples, a number or (yarns, m), may do either way."""
+        if self.energy.given.bending_hysteresis == 0.0:
+            return found
+        return self.energy.lagging(shape, lambda slope: part * size_of(slope.T).T, found, np.abs)
 
 
 def _pairs(shape):

@@ -30,6 +30,7 @@ SNAPPING = {
     "work of the load is not stored or lost",
 }  # fmt: skip
 REFINED = 0.05  # change of the load at twice the resolution that needs not be said
+MOST_STATES = 500  # that the judge reads of one way
 LOST_ALIKE = 0.8  # part of the work astray that is left in steps of a quarter where a fabric snaps
 
 _CASE = [f.name for f in fields(Case) if f.name not in ("tests", "contact", "number")]
@@ -167,11 +168,25 @@ def _load(asked, curve):
 
 
 def every_step(asked, curve):
-    """The test with a state wherever the solver has stepped between two that are asked for."""
+    """The test with a state wherever the solver has stepped between two, on ways back and out again too.
+
+    Where that would be more than MOST_STATES on a way, at every second, third and so on.
+    """
+    share = -(-int(curve.increments.sum()) // (MOST_STATES * max(1, 2 * asked.cycles)))
+    steps = -(-curve.increments // share)
+    if asked.kind == "tension":
+        # Every way goes through the same strains.
+        parts, ends = {}, np.round(np.append(0.0, curve.strain), 6)
+        for a, b, k in zip(ends[:-1], ends[1:], steps, strict=True):
+            way = min(a, b), max(a, b)
+            parts[way] = max(k, parts.get(way, 1))
+        between = np.concatenate([np.linspace(*way, k + 1)[1:-1] for way, k in parts.items()])
+        between = between[(between > 0.0) & (between < asked.path[-1])]
+        return replace(asked, path=tuple(np.union1d(asked.path, between).tolist()))
     path = np.reshape(asked.path, (len(asked.path), -1))
     parts = np.ones(len(path), dtype=int)
     n = min(len(path), curve.steps)
-    parts[:n] = np.maximum(curve.increments[:n], 1)
+    parts[:n] = np.maximum(steps[:n], 1)
     before = np.concatenate([np.zeros((1, path.shape[1])), path[:-1]])
     ways = zip(before, path, parts, strict=True)
     filled = np.concatenate([np.linspace(a, b, k + 1)[1:] for a, b, k in ways])
