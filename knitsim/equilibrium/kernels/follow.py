@@ -50,7 +50,7 @@ from knitsim.jit import choose, njit
 
 LOOSE = 1e2  # tolerance of the passes that only find normal forces, over that of the last
 SETTLED = 2e-3  # of the friction force: what another pass may change of it
-WIDE = 4.0  # largest spacing of contact points, over sqrt(D (D - core))
+WIDE = 2.0  # largest spacing of contact points, over sqrt(D (D - core))
 PASSES, CORRECTIONS = 20, 6  # at most: of the normal forces, of an unknown held over another
 
 
@@ -128,9 +128,10 @@ def resolved(scene, work):
     """Whether contact points are close enough to see the contacts, in the state whose energy was taken last.
 
     Of two yarns that cross at the distance D, with the gap D - core, the energy falls off along the yarn
-    within sqrt(2 D (D - core)).  It is averaged over the cells of the points (:mod:`.mean`): with points
-    up to WIDE times sqrt(D (D - core)) apart the forces of 38 random fabrics were 2.4 % off at most; the
-    numerical error tells it.
+    within sqrt(2 D (D - core)), and its mean over the cells of the points (:mod:`.mean`) is taken.  Yarns that
+    cross between the points, no further from either than half their spacing h, are D^2 - h^2/2 apart: with
+    h at most WIDE sqrt(D (D - core)) cores are not inside each other there.  The forces of 38 random fabrics
+    were 2.4 % off at most with twice that spacing; the numerical error tells it.
     """
     points = scene.touch.points
     if points.size == 0 or not math.isfinite(work.closest[0]):
