@@ -14,7 +14,7 @@ from knitsim.equilibrium.cell import KEPT
 from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.fold import folded, overlooked
 from knitsim.equilibrium.kernels.accept import CROSSINGS_LOST, NOT_SETTLED, RAN_AWAY, TOO_CLOSE
-from knitsim.equilibrium.kernels.follow import WIDE
+from knitsim.equilibrium.kernels.follow import widest
 from knitsim.equilibrium.kernels.newton import CONVERGED, NO_DESCENT, NOT_FINITE, TOO_MANY
 from knitsim.equilibrium.kernels.records import SHEAR
 from knitsim.equilibrium.model import (
@@ -301,8 +301,7 @@ def check_fine(model, nearest, y=None):
     """Raises TooCoarse where contact points stand too far apart for a smallest distance (m) of yarns at y."""
     if not np.isfinite(nearest):
         return
-    gap = max(nearest - model.scene.law.core, 0.0)
-    needed = min(WIDE * np.sqrt(nearest * gap), nearest)
+    needed = np.sqrt(max(widest(nearest**2, model.scene.law.core), 0.0))
     spacing = model.scene.touch.points[0].length
     if spacing > needed:
         contacts = model.cell.contacts * min(DENSER * spacing / max(needed, 1e-3 * spacing), 4.0)

@@ -50,7 +50,6 @@ from knitsim.jit import choose, njit
 
 LOOSE = 1e2  # tolerance of the passes that only find normal forces, over that of the last
 SETTLED = 2e-3  # of the friction force: what another pass may change of it
-WIDE = 2.0  # largest spacing of contact points, over sqrt(D (D - core))
 PASSES, CORRECTIONS = 20, 6  # at most: of the normal forces, of an unknown held over another
 
 
@@ -125,19 +124,22 @@ def new_trail(states, unknowns):
 
 @njit
 def resolved(scene, work):
-    """Whether contact points are close enough to see the contacts, in the state whose energy was taken last.
-
-    Of two yarns that cross at the distance D, with the gap D - core, the energy falls off along the yarn
-    within sqrt(2 D (D - core)), and its mean over the cells of the points (:mod:`.mean`) is taken.  Yarns that
-    cross between the points, no further from either than half their spacing h, are D^2 - h^2/2 apart: with
-    h at most WIDE sqrt(D (D - core)) cores are not inside each other there.  The forces of 38 random fabrics
-    were 2.4 % off at most with twice that spacing; the numerical error tells it.
-    """
+    """Whether contact points are close enough to see the contacts, in the state whose energy was taken last."""
     points = scene.touch.points
     if points.size == 0 or not math.isfinite(work.closest[0]):
         return True
-    distance, spacing = math.sqrt(work.closest[0]), points[0].length
-    return distance >= spacing and WIDE**2 * distance * (distance - scene.law.core) >= spacing**2
+    return points[0].length ** 2 <= widest(work.closest[0], scene.law.core)
+
+
+@njit
+def widest(square, core):
+    """Square (m2) of the largest spacing h of contact points, of which the closest are sqrt(square) = D apart.
+
+    Yarns that cross between the points, at most h/2 along either, come to D^2 - h^2/2 of each other: no core
+    is to be inside another there, and h is to be D at most.  Of the mean over the cells of the points
+    (:mod:`.mean`) the numerical error tells how far it is off.
+    """
+    return min(square, 2.0 * (square - core * core))
 
 
 @njit
