@@ -124,7 +124,7 @@ def new_trail(states, unknowns):
 
 @njit
 def resolved(scene, work):
-    """Whether contact points are close enough to see the contacts, in the state whose energy was taken last."""
+    """Whether contact points are close enough for the state whose energy was taken last."""
     points = scene.touch.points
     if points.size == 0 or not math.isfinite(work.closest[0]):
         return True
@@ -133,7 +133,7 @@ def resolved(scene, work):
 
 @njit
 def widest(square, core):
-    """Square (m2) of the largest spacing h of contact points, of which the closest are sqrt(square) = D apart.
+    """Square (m2) of the largest spacing h of contact points whose closest are sqrt(square) = D apart.
 
     Yarns that cross between the points, at most h/2 along either, come to D^2 - h^2/2 of each other: no core
     is to be inside another there, and h is to be D at most.  Of the mean over the cells of the points
