@@ -1,5 +1,7 @@
 """Tests of a fabric by the equilibrium model: rest, tension, biaxial, shear, friction, refusals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -127,6 +129,22 @@ def test_error_of_shear_is_estimated(friction):
     assert max(true.max(), said.max()) < 0.02 * largest
     if friction == 0.0:
         assert (true <= said).all()
+
+
+@pytest.mark.parametrize("sparse", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_friction_of_yarns_that_hardly_touch(sparse):
+    """A random fabric so open that all its friction is less than the residual of a loose pass.
+
+    Loads in steps of 0.4 degrees are those in an eighth of it, to the stated tolerance.
+    """
+    one = relaxed_of(CAMPAIGNS["shear_campaign"].draw(120, 91253))
+    one = replace(one, model=replace(one.model, sparse=sparse))
+    coarse, fine = (
+        shear(one, np.linspace(0.0, 0.04, 6 * parts + 1)[1:]).force_per_loop[parts - 1 :: parts]
+        for parts in (1, 8)
+    )
+    assert coarse == pytest.approx(fine, abs=one.model.control.tolerance)
+    assert fine[-1] > 100.0 * one.model.control.tolerance
 
 
 def test_refinement_converges_and_the_estimate_bounds_the_error():

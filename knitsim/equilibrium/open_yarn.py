@@ -30,6 +30,7 @@ from knitsim.equilibrium.kernels.follow import (
     end_friction,
     is_rubbed,
     lag_friction,
+    stands,
 )
 from knitsim.equilibrium.kernels.friction import MEMORY, Memory, Rub
 from knitsim.equilibrium.kernels.newton import CONVERGED, Control, minimise
@@ -333,9 +334,11 @@ def follow_open(
                 aim = control._replace(tolerance=LOOSE * control.tolerance)
             status, used, residual, pairs = minimise(scene, y, free, pairs, slip, aim, work)
             total += used
-            if status != CONVERGED or settled:
+            if status != CONVERGED or (
+                settled and (used == 0 or stands(scene, y, slip, rub, work))
+            ):
                 break
-            settled = lag_friction(scene, y, slip, rub, work) <= SETTLED
+            settled = lag_friction(scene, y, slip, rub, work) <= SETTLED or settled
         else:
             status = NOT_SETTLED
         if status != CONVERGED:

@@ -35,6 +35,7 @@ from knitsim.equilibrium.kernels.follow import (
     is_rubbed,
     lag_friction,
     resolved,
+    stands,
 )
 from knitsim.equilibrium.kernels.newton import (
     CONVERGED,
@@ -111,7 +112,7 @@ def _solve_step(scene, y, slip, rub, march, pairs, work):
     settled = not is_rubbed(rub)
     lag_friction(scene, y, slip, rub, inner)
     for _ in range(PASSES + 1):
-        # All passes but the last only serve to find the normal forces.
+        # The first passes only serve to find the normal forces.
         aim = march.control
         if not settled:
             aim = aim._replace(tolerance=aim.tolerance * LOOSE)
@@ -119,9 +120,11 @@ def _solve_step(scene, y, slip, rub, march, pairs, work):
             scene, y, march.free, pairs, slip, aim, work
         )
         total += iterations
-        if status != CONVERGED or settled:
+        if status != CONVERGED or (
+            settled and (iterations == 0 or stands(scene, y, slip, rub, inner))
+        ):
             return status, total, residual, pairs
-        settled = lag_friction(scene, y, slip, rub, inner) <= SETTLED
+        settled = lag_friction(scene, y, slip, rub, inner) <= SETTLED or settled
     return NOT_SETTLED, total, residual, pairs
 
 
