@@ -365,6 +365,8 @@ def _pulled_to(model, rest, spacings):
     )  # fmt: skip
     if walk.forward(np.array([spacings])):
         return walk.y
+    if walk.ended == TOO_CLOSE:
+        raise TooCoarse(4 * int(np.ceil(DENSER * model.cell.contacts / 4.0)))
     reached = " x ".join(f"{1e3 * walk.reached[i]:.4g}" for i in (at, at + 3))
     raise InputError(
         "set", model.fabric.set_fraction,

@@ -122,8 +122,11 @@ class Predictor:
                 continue
         return None
 
-    def _banded(self, solve, errors):
-        """{name: Prediction} of solve(relaxed) -> {name: (n,)}; errors: {name: (n,)}."""
+    def _banded(self, solve, errors, finest=None):
+        """{name: Prediction} of solve(relaxed) -> {name: (n,)}; errors: {name: (n,)}.
+
+        finest: the values with as many contact points as they need, None where those of the fit do.
+        """
         values = solve(self.rest)
         base = values
         if self.sides and self.base is not self.rest:
@@ -155,7 +158,7 @@ class Predictor:
                 above[name] += np.maximum(np.maximum(one, other), 0.0) ** 2
                 below[name] += np.minimum(np.minimum(one, other), 0.0) ** 2
         found = {}
-        for name, value in values.items():
+        for name, value in (finest or values).items():
             error = np.nan_to_num(errors[name])
             low = value - np.hypot(np.sqrt(below[name]), error)
             high = value + np.hypot(np.sqrt(above[name]), error)
@@ -220,7 +223,7 @@ class Predictor:
             found = {name: from_pretension(v[:-1], v[-1]) for name, v in found.items()}
             return (found, pulled, across, at) if estimate_error else found
 
-        _, pulled, across, at = solve(self.rest, estimate_error=True)
+        finest, pulled, across, at = solve(self.rest, estimate_error=True)
         if pulled.curve.stop_reason:
             self.notes.append(pulled.curve.stop_reason)
         # An error of the force moves the strain at a given force by dF/(dF/de).
@@ -234,7 +237,7 @@ class Predictor:
         }
         # Both ends count where strain is not from rest.
         errors = {n: e[:-1] + (e[-1] if pretension else 0.0) for n, e in errors.items()}
-        return self._outcome(forces, self._banded(solve, errors))
+        return self._outcome(forces, self._banded(solve, errors, finest))
 
     def bending(self, direction, curvatures):
         """Bending through curvatures (1/m) in the order visited from the flat fabric: an
