@@ -122,14 +122,11 @@ class Predictor:
                 continue
         return None
 
-    def _banded(self, solve, errors, finest=None):
-        """{name: Prediction} of solve(relaxed) -> {name: (n,)}; errors: {name: (n,)}.
-
-        finest: the values with as many contact points as they need, None where those of the fit do.
-        """
-        values = solve(self.rest)
+    def _banded(self, solve, values, errors):
+        """{name: Prediction} of values {name: (n,)}; solve(relaxed): the same of another fabric at rest, for
+        the differences that make the band; errors: {name: (n,)}."""
         base = values
-        if self.sides and self.base is not self.rest:
+        if self.sides:
             try:
                 base = solve(self.base)
             except _FAILURES as error:
@@ -158,7 +155,7 @@ class Predictor:
                 above[name] += np.maximum(np.maximum(one, other), 0.0) ** 2
                 below[name] += np.minimum(np.minimum(one, other), 0.0) ** 2
         found = {}
-        for name, value in (finest or values).items():
+        for name, value in values.items():
             error = np.nan_to_num(errors[name])
             low = value - np.hypot(np.sqrt(below[name]), error)
             high = value + np.hypot(np.sqrt(above[name]), error)
@@ -195,7 +192,7 @@ class Predictor:
                 "course_spacing": np.array([relaxed.course_spacing]),
             }
 
-        return self._outcome([0.0], self._banded(solve, error))
+        return self._outcome([0.0], self._banded(solve, solve(self.rest), error))
 
     def tension(self, direction, forces, *, lateral="free", pretension=0.0):
         """First loading at forces per width (N/m, rising): an :class:`Outcome` with ``strain`` and
@@ -223,7 +220,7 @@ class Predictor:
             found = {name: from_pretension(v[:-1], v[-1]) for name, v in found.items()}
             return (found, pulled, across, at) if estimate_error else found
 
-        finest, pulled, across, at = solve(self.rest, estimate_error=True)
+        values, pulled, across, at = solve(self.rest, estimate_error=True)
         if pulled.curve.stop_reason:
             self.notes.append(pulled.curve.stop_reason)
         # An error of the force moves the strain at a given force by dF/(dF/de).
@@ -237,7 +234,7 @@ class Predictor:
         }
         # Both ends count where strain is not from rest.
         errors = {n: e[:-1] + (e[-1] if pretension else 0.0) for n, e in errors.items()}
-        return self._outcome(forces, self._banded(solve, errors, finest))
+        return self._outcome(forces, self._banded(solve, values, errors))
 
     def bending(self, direction, curvatures):
         """Bending through curvatures (1/m) in the order visited from the flat fabric: an
@@ -260,7 +257,7 @@ class Predictor:
         largest = np.nanmax(np.abs(found["moment_change"]))
         change[:reached] = curve.change_error[1:] * largest
         return self._outcome(
-            curvatures, self._banded(solve, {"moment": own, "moment_change": change})
+            curvatures, self._banded(solve, found, {"moment": own, "moment_change": change})
         )
 
     def measured_bending(self, test):
@@ -276,7 +273,9 @@ class Predictor:
         def solve(relaxed):
             return {"moment_change": bending_points(test, relaxed)}
 
-        return self._outcome(test.at, self._banded(solve, {"moment_change": error}))
+        return self._outcome(
+            test.at, self._banded(solve, solve(self.rest), {"moment_change": error})
+        )
 
 
 def _at_strain(strain, values, at):

@@ -108,7 +108,7 @@ def _input(key, value, row, section=""):
     unit = units.label(key.unit) if key.unit else ""
     return {
         "name": f"{section} {name}".strip().replace("_", " "),
-        "value": f"{_shown(value, key.unit)} {unit}".strip(),
+        "value": value if key.name == "file" else f"{_shown(value, key.unit)} {unit}".strip(),
         "because": row.because if row else "",
         "range": f"{row.low:g} to {row.high:g}" if row and row.low is not None else "",
     }
@@ -120,7 +120,7 @@ def _shown(value, unit):
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, str):
-        return value if "." in value else value.replace("_", " ")  # a file keeps its name
+        return value.replace("_", " ")
     return f"{units.from_si(value, unit) if unit else value:.5g}"
 
 
