@@ -146,7 +146,7 @@ class Knot:
         listed = pairs_at(self.scene, y, self.control.skin, self.work)
         for _ in range(3):
             status, *_, listed = minimise(
-                self.scene, y, self.free, listed, (), self.control, self.work
+                self.scene, y, self.free, listed, (), self.control, False, self.work
             )
             if status == CONVERGED:
                 return y

@@ -170,7 +170,7 @@ def test_minimum_is_that_of_plain_newton(rest, size):
     free, work = model.free(), new_work(rest.model.scene)
     y = disturbed(rest, size)
     listed = pairs_at(scene, y, control.skin, work)
-    status, _, residual, listed = minimise(scene, y, free, listed, (), control, work)
+    status, _, residual, listed = minimise(scene, y, free, listed, (), control, False, work)
     assert status == CONVERGED and residual <= control.tolerance
     pairs = pairs_at(scene, y, control.skin, work)
     energy_of(scene, y, pairs, (), np.int64(1), work)
@@ -192,7 +192,7 @@ def test_factor_and_hessian_belong_together_and_to_the_end(rest, size):
     free, work = model.free(3), new_work(rest.model.scene)
     y = disturbed(rest, size)
     listed = pairs_at(scene, y, control.skin, work)
-    status, *_ = minimise(scene, y, free, listed, (), control, work)
+    status, *_ = minimise(scene, y, free, listed, (), control, False, work)
     assert status == CONVERGED
     own = work.hessian[np.ix_(free, free)]
     n = len(free)

@@ -332,7 +332,7 @@ def follow_open(
             aim = control
             if not settled:
                 aim = control._replace(tolerance=LOOSE * control.tolerance)
-            status, used, residual, pairs = minimise(scene, y, free, pairs, slip, aim, work)
+            status, used, residual, pairs = minimise(scene, y, free, pairs, slip, aim, False, work)
             total += used
             if status != CONVERGED or (
                 settled and (used == 0 or stands(scene, y, slip, rub, work))

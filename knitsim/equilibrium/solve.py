@@ -26,10 +26,10 @@ def minimise(model, scene, y, free, control):
     if model.sparse:
         work = new_sparse_work(model.cell, scene)
         pairs = sparse_pairs(scene, y, control.skin, work)
-        return *sparse_minimise(scene, y, free, pairs, (), control, work)[:3], work.work
+        return *sparse_minimise(scene, y, free, pairs, (), control, False, work)[:3], work.work
     work = new_work(scene)
     pairs = pairs_at(scene, y, control.skin, work)
-    return *newton.minimise(scene, y, free, pairs, model.at_ease, control, work)[:3], work
+    return *newton.minimise(scene, y, free, pairs, model.at_ease, control, False, work)[:3], work
 
 
 def gradient_at(model, scene, y):

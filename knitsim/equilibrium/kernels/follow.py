@@ -270,7 +270,7 @@ def solve_step(scene, y, slip, rub, target, ends, march, listed, work):
     while True:
         aim = march.control if settled else loosened(march.control)
         status, iterations, residual, listed = minimise(
-            scene, y, march.free, listed, slip, aim, work
+            scene, y, march.free, listed, slip, aim, passes > 0, work
         )
         total += iterations
         if status != CONVERGED:

@@ -5,8 +5,9 @@ definite, a cap on the largest displacement and an Armijo line search.  Where a 
 the energy drowns in round-off, a smaller residual counts as progress: any smaller one where the energy is the
 same to its last digits, one that is far smaller where terms that cancel have blurred a few more.
 
-A Hessian costs several gradients.  So its factor serves for up to two more steps where the residual
-falls so fast that these are expected to end the search.
+A Hessian costs several gradients.  So its factor serves on as long as whole steps bring the residual down,
+corrected by what the steps since have told of the curvature (limited-memory BFGS, Nocedal 1980): of a
+Hessian that leaves something out, too, this makes superlinear steps.
 
 A nearly inextensible yarn that turns stretches at first in any straight step, and the next step
 takes the stretch out again; a line search that forbids the rise crawls.  So a few whole steps may be
@@ -28,8 +29,9 @@ ARMIJO = 1e-4
 ROUND_OFF = 1e-13  # relative to the energy
 BLURRED, FALLEN = 1e-10, 0.1  # relative to the energy, to the residual
 HALVINGS = 30
-REUSES = 2  # steps with a factor after the first, where they are expected to end the search
-FADING = 2.0  # a factor's second step against its first: Newton's error e becomes c e^2, then 2 c e
+MEMORY = 12  # steps with one factor: how many are remembered
+FALLING = 0.5  # of the residual: a step that leaves more asks for a new factor
+CURVED = 1e-10  # cosine of step and change of gradient from which on a step is remembered
 
 
 class Control(NamedTuple):
@@ -139,6 +141,49 @@ def largest_move(map_, change):
     return largest
 
 
+@leaf
+def remember(taught, count, step, change):
+    """Keep a step (n,) and the change of the gradient over it as number ``count``, if it curves upwards.
+
+    taught: steps (MEMORY, n), changes (MEMORY, n), 1 over the products of both (MEMORY,), room for as
+    many numbers.  Returns how many
+    are kept.
+    """
+    steps, changes, inverse, _ = taught
+    product = long = large = 0.0
+    for i in range(step.size):
+        product += step[i] * change[i]
+        long += step[i] * step[i]
+        large += change[i] * change[i]
+    if not product > CURVED * math.sqrt(long * large):
+        return count
+    for i in range(step.size):
+        steps[count, i], changes[count, i] = step[i], change[i]
+    inverse[count] = 1.0 / product
+    return count + 1
+
+
+@leaf
+def solve_taught(factor, taught, count, rhs):
+    """As :func:`solve_factored`, with the inverse corrected by the steps remembered (two-loop recursion)."""
+    steps, changes, inverse, share = taught
+    for k in range(count - 1, -1, -1):
+        share[k] = 0.0
+        for i in range(rhs.size):
+            share[k] += steps[k, i] * rhs[i]
+        share[k] *= inverse[k]
+        for i in range(rhs.size):
+            rhs[i] -= share[k] * changes[k, i]
+    solve_factored(factor, rhs)
+    for k in range(count):
+        product = 0.0
+        for i in range(rhs.size):
+            product += changes[k, i] * rhs[i]
+        product = share[k] - inverse[k] * product
+        for i in range(rhs.size):
+            rhs[i] += product * steps[k, i]
+
+
 # Loops instead of array expressions, which Numba takes long to compile.
 @leaf
 def copy_to(source, target):
@@ -154,28 +199,31 @@ def move(y, length, step, point):
 
 
 @njit
-def minimise(scene, y, free, listed, slip, control, work):
+def minimise(scene, y, free, listed, slip, control, ready, work):
     """Move y (in place) along its free unknowns to a minimum of the energy.
 
-    listed: pairs to begin with, renewed where they do not cover a point.  Returns status, iterations,
+    listed: pairs to begin with, renewed where they do not cover a point; ready: whether work.factor is that of
+    a point so near that it may serve.  Returns status, iterations,
     residual (N) and the pairs as they are at the end.  Afterwards work.factor and work.hessian are those
     of one of the last points, work.gradient and work.terms the values at y.
     """
     # The order of the energy is given as np.int64: Numba would compile everything once more for each
     # literal number.  ``searching``: point = y + length step is on trial; otherwise it is a start.
     point, kept = y.copy(), y.copy()
-    step = np.zeros(y.size)
-    rhs = np.empty(free.size)
+    step, before = np.zeros(y.size), np.zeros(free.size)
+    rhs, change = np.empty(free.size), np.empty(free.size)
+    steps, changes = np.empty((MEMORY, free.size)), np.empty((MEMORY, free.size))
+    taught = steps, changes, np.empty(MEMORY), np.empty(MEMORY)
     energy = kept_energy = math.inf
     residual = slope = length = 0.0
     searching = False
-    iteration = halvings = on_trust = reuses = 0
-    trust = control.trust
+    iteration = halvings = on_trust = count = 0
+    shift, trust = 0.0, control.trust
     while True:
         if not covers(scene, listed, point, work):
             listed = pairs_at(scene, point, control.skin, work)
         # At a start the Hessian is needed anyway.
-        order = np.int64(1 if searching else 2)
+        order = np.int64(1 if searching or ready else 2)
         new = energy_of(scene, point, listed, slip, order, work)
         after = residual_of(work.gradient, scene.scale, free)
         finite = math.isfinite(new) and math.isfinite(after)
@@ -207,22 +255,25 @@ def minimise(scene, y, free, listed, slip, control, work):
             searching = False
             continue
         copy_to(point, y)
-        # What the factor is expected to leave of the residual if it is used once more.
-        rate = math.inf
-        if searching and length == 1.0 and on_trust == 0:
-            rate = after / residual * (FADING if reuses == 0 else 1.0)
+        serves = searching and length == 1.0 and on_trust == 0 and shift == 0.0
+        serves = (serves and after <= FALLING * residual and count < MEMORY) or ready
         energy, residual = new, after
         if energy < kept_energy:
             copy_to(y, kept)
             kept_energy = energy
             on_trust = 0
             trust = control.trust if searching else trust
-        enough = residual * rate ** (REUSES - reuses) <= control.tolerance
-        reuses = reuses + 1 if enough and reuses < REUSES else 0
-        if reuses == 0 and (order == 2 or residual > control.tolerance):
+        if ready:
+            ready = False
+        elif serves:
+            for i in range(free.size):
+                rhs[i], change[i] = step[free[i]], work.gradient[free[i]] - before[i]
+            count = remember(taught, count, rhs, change)
+        elif order == 2 or residual > control.tolerance:
             if order < 2:
                 energy_of(scene, y, listed, slip, np.int64(2), work)
-            if not math.isfinite(factorise_shifted(work.hessian, free, work.factor)):
+            shift, count = factorise_shifted(work.hessian, free, work.factor), 0
+            if not math.isfinite(shift):
                 return NOT_FINITE, iteration, residual, listed
         if residual <= control.tolerance:
             return CONVERGED, iteration, residual, listed
@@ -230,8 +281,9 @@ def minimise(scene, y, free, listed, slip, control, work):
             return TOO_MANY, iteration, residual, listed
         iteration += 1
         for i in range(free.size):
-            rhs[i] = -work.gradient[free[i]]
-        solve_factored(work.factor, rhs)
+            before[i] = work.gradient[free[i]]
+            rhs[i] = -before[i]
+        solve_taught(work.factor, taught, count, rhs)
         slope = 0.0
         for i in range(free.size):
             step[free[i]] = rhs[i]

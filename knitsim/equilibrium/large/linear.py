@@ -319,14 +319,18 @@ class Linear:
         work.stale = True
         return x
 
-    def answer(self, rhs):
-        """Change of y (all entries) that balances the right side by y, the mean thickness kept."""
+    def answer(self, rhs, nearly=False):
+        """Change of y (all entries) that balances the right side by y, the mean thickness kept.
+
+        nearly: by the factor alone, which may be that of a point nearby.
+        """
         work, count = self.work, self.work.cell.count
         q = rhs[:count].copy()
         # By y, the control point that keeps the mean moves along with each other one; the matrix
         # holds it instead.  Forces along the thickness add up to zero.
         q[work.thick] -= q[work.thick].sum() / len(work.unknown)
-        solved = self.solve(np.concatenate([q[work.order], rhs[count + self.free]]))
+        solve = work.factor.solve if nearly else self.solve
+        solved = solve(np.concatenate([q[work.order], rhs[count + self.free]]))
         change = np.zeros(count + LATTICE)
         change[work.order] = solved[:count]
         change[work.thick] -= change[work.thick].sum() / len(work.unknown)

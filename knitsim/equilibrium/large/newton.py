@@ -1,8 +1,8 @@
 """Newton's method and the following of a path in a large cell, with its sparse Hessian.
 
 The same steps as :mod:`.kernels.newton` and :mod:`.kernels.follow`, to the same tolerances and with the same
-checks of every state, in Python, where each step is large enough: cap and Armijo search, tangent
-predictor, step halving, work balance.  Instead of shifting a Hessian that is not positive definite,
+checks of every state, in Python, where each step is large enough: cap and Armijo search, factors that serve
+on, tangent predictor, step halving, work balance.  Instead of shifting a Hessian that is not positive definite,
 Newton's linear problem is solved by conjugate gradients that end where they meet negative curvature.
 """
 
@@ -39,7 +39,9 @@ from knitsim.equilibrium.kernels.follow import (
 )
 from knitsim.equilibrium.kernels.newton import (
     CONVERGED,
+    FALLING,
     HALVINGS,
+    MEMORY,
     NO_DESCENT,
     NOT_FINITE,
     TOO_MANY,
@@ -62,7 +64,7 @@ def lattice_entries(free, work):
     return free[free >= work.cell.count] - work.cell.count
 
 
-def sparse_minimise(scene, y, free, pairs, slip, control, work):
+def sparse_minimise(scene, y, free, pairs, slip, control, ready, work):
     """As :func:`knitsim.equilibrium.kernels.newton.minimise`, without steps on trust.
 
     free: all q and entries of the lattice.  Afterwards work.work holds gradient and terms at y.
@@ -78,16 +80,18 @@ def sparse_minimise(scene, y, free, pairs, slip, control, work):
     energy, residual, pairs = at(y, pairs)
     if not (math.isfinite(energy) and math.isfinite(residual)):
         return NOT_FINITE, 0, residual, pairs
-    iteration = 0
+    iteration, serves, taught = 0, ready, []
     while residual > control.tolerance:
         if iteration == control.limit:
             return TOO_MANY, iteration, residual, pairs
         iteration += 1
-        linear = work.linear = Linear(scene, y, pairs, slip, lattice, work)
-        if not linear.ready():
-            return NOT_FINITE, iteration, residual, pairs
-        step = linear.answer(-inner.gradient)
-        slope = step @ inner.gradient
+        if not serves:
+            work.linear, taught = Linear(scene, y, pairs, slip, lattice, work), []
+            if not work.linear.factorise():
+                return NOT_FINITE, iteration, residual, pairs
+        before = inner.gradient.copy()
+        step = _solve_taught(work.linear, taught, -before)
+        slope = step @ before
         size = largest_move(scene.map, step)
         length = 1.0 if size <= control.cap else control.cap / size
         for _ in range(HALVINGS + 1):
@@ -101,9 +105,28 @@ def sparse_minimise(scene, y, free, pairs, slip, control, work):
         else:
             _, residual, pairs = at(y, pairs)
             return NO_DESCENT, iteration, residual, pairs
+        serves = length == 1.0 and after <= FALLING * residual and len(taught) < MEMORY
+        serves = serves and work.factor.shift == 0.0
+        change = inner.gradient - before
+        if serves and step @ change > 0.0:
+            taught.append((step, change, 1.0 / (step @ change)))
         y[:] = point
         energy, residual = new, after
     return CONVERGED, iteration, residual, pairs
+
+
+def _solve_taught(linear, taught, rhs):
+    """As :func:`knitsim.equilibrium.kernels.newton.solve_taught`; where nothing is taught yet, by the Hessian."""
+    if not taught:
+        return linear.answer(rhs)
+    shares = []
+    for step, change, inverse in reversed(taught):
+        shares.append(inverse * (step @ rhs))
+        rhs = rhs - shares[-1] * change
+    found = linear.answer(rhs, nearly=True)
+    for (step, change, inverse), share in zip(taught, reversed(shares), strict=True):
+        found = found + (share - inverse * (change @ found)) * step
+    return found
 
 
 def _solve_step(scene, y, slip, rub, march, pairs, work):
@@ -117,7 +140,7 @@ def _solve_step(scene, y, slip, rub, march, pairs, work):
         if not settled:
             aim = aim._replace(tolerance=aim.tolerance * LOOSE)
         status, iterations, residual, pairs = sparse_minimise(
-            scene, y, march.free, pairs, slip, aim, work
+            scene, y, march.free, pairs, slip, aim, True, work
         )
         total += iterations
         if status != CONVERGED or (
