@@ -193,7 +193,7 @@ def test_no_energy_of_a_search_lacks_a_pair(cotton, kind, bent, monkeypatch):
             work = new_work(scene)
             listed = first = pairs_at(scene, y, control.skin, work)
             status, _, _, listed = newton.minimise.py_func(
-                scene, y, free, listed, (), control, work
+                scene, y, free, listed, (), control, False, work
             )
         assert status == CONVERGED
         renewed += listed is not first
