@@ -44,14 +44,15 @@ from knitsim.equilibrium.kernels.newton import (
     minimise,
     solve_factored,
 )
-from knitsim.equilibrium.kernels.pairs import covers, pairs_at, passes
+from knitsim.equilibrium.kernels.pairs import covers, pairs_at, passes, skin_over
 from knitsim.equilibrium.kernels.records import LATTICE, Touch, records
-from knitsim.equilibrium.kernels.slip import begin_slip, end_slip, lag_slip
+from knitsim.equilibrium.kernels.slip import all_rub, begin_slip, end_slip, lag_slip
 from knitsim.jit import choose, njit
 
 LOOSE = 1e2  # tolerance of the passes that only find normal forces, over that of the last
 SETTLED = 2e-3  # of the friction force: what another pass may change of it
 PASSES, CORRECTIONS = 20, 6  # at most: of the normal forces, of an unknown held over another
+WIDENED = 3  # times at most that a step is solved anew as pairs have come to rub that it did not know
 
 
 class March(NamedTuple):
@@ -184,6 +185,15 @@ def _is_rubbed(rub):
 # Whether there are normal forces to be lagged.
 is_rubbed = choose("rub", _is_rubbed, False)
 begin_friction = choose("rub", begin_slip, _smooth)
+
+
+@njit
+def _known(scene, y, slip, around, listed, work):
+    return covers(scene, around, y, work) or all_rub(scene, y, slip, listed, work)
+
+
+# Whether the friction of a step, begun with the pairs ``around``, knows all that press at its end y.
+known = choose("slip", _known, True)
 lag_friction = choose("rub", lag_slip, _nothing_lags)
 
 
@@ -351,10 +361,20 @@ def follow(scene, standing, targets, march, rub, trail):
             answer(trial, change, march.free, work)
             aim_at(trial, y, targets[state], part / left, march)
             bend_predictor(trial, y, before, march)
-            status, used, residual, listed = solve_step(
-                scene, trial, slip, rub, targets[state], part >= left, march, listed, work
-            )
-            iterations += used
+            around, widened = listed, 0
+            while True:
+                status, used, residual, listed = solve_step(
+                    scene, trial, slip, rub, targets[state], part >= left, march, listed, work
+                )
+                iterations += used
+                if status != CONVERGED or known(scene, trial, slip, around, listed, work):
+                    break
+                widened += 1
+                if widened > WIDENED:
+                    status = NOT_SETTLED
+                    break
+                around = pairs_at(scene, y, skin_over(scene, y, trial, control.skin), work)
+                slip = begin_friction(scene, y, around, rub, memory, work)
             for i in (n - LATTICE, n - LATTICE + 3):
                 if (
                     not first[i] <= trial[i] * march.widest

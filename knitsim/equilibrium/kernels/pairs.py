@@ -17,6 +17,7 @@ from knitsim.jit import choose, leaf, njit
 
 SPREAD = 1.1  # spacings of contact points: how far beyond the diameter their cells reach
 CHUNK = 8  # points per bounding box of the pair search
+BEYOND = 1.25  # ways: how far beyond a trial pairs are listed
 APART = 0.75  # spacings of contact points: two yarns this far apart at their points do not cross between
 
 
@@ -164,6 +165,12 @@ def pairs_at(scene, y, skin, work):
     reach = flat_distance(scene, lattice, touching(scene) + skin, work.x)
     pairs, weight = find_pairs(scene.touch, work.points, lattice, reach)
     return Listed(pairs, weight, y.copy(), np.full(1, reach))
+
+
+@njit
+def skin_over(scene, y, trial, skin):
+    """The skin (m) with which pairs at y are listed that cover the way to ``trial`` and a little more."""
+    return skin + BEYOND * approach(scene, trial, y)
 
 
 @leaf

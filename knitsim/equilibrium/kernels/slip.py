@@ -35,6 +35,7 @@ from knitsim.equilibrium.kernels.friction import (
     ask,
     begin,
     end,
+    precedes,
     recall,
     share_of,
     slip_matrix,
@@ -253,6 +254,28 @@ def lag_slip(scene, y, slip, rub, work):
     change, force = turn_wraps(scene, slip, rub, work, False)
     changed, whole = changed + change, whole + force
     return changed / whole if whole > 0.0 else 0.0
+
+
+@njit
+def all_rub(scene, y, slip, listed, work):
+    """Whether every listed pair that presses at y is among those that rub."""
+    if slip.pairs.size == 0:
+        return listed.weight.size == 0
+    lattice = expand(scene.map, y, work.x)
+    place_frames(scene.touch, work.x, work.points)
+    at = 0
+    for j in range(listed.weight.size):
+        i, k, g = listed.pairs[j, 0], listed.pairs[j, 1], listed.pairs[j, 2]
+        if press_of(scene, lattice, (i, k, g), work) == 0.0:
+            continue
+        while at < slip.pairs.size and precedes(slip.pairs[at].pair, i, k, g):
+            at += 1
+        if at == slip.pairs.size:
+            return False
+        pair = slip.pairs[at].pair
+        if pair[0] != i or pair[1] != k or pair[2] != g:
+            return False
+    return True
 
 
 @leaf

@@ -29,10 +29,12 @@ from knitsim.equilibrium.kernels.follow import (
     LOOSE,
     PASSES,
     SETTLED,
+    WIDENED,
     begin_friction,
     bend_predictor,
     end_friction,
     is_rubbed,
+    known,
     lag_friction,
     resolved,
     stands,
@@ -49,7 +51,7 @@ from knitsim.equilibrium.kernels.newton import (
     largest_move,
     residual_of,
 )
-from knitsim.equilibrium.kernels.pairs import covers, passes
+from knitsim.equilibrium.kernels.pairs import covers, passes, skin_over
 from knitsim.equilibrium.kernels.records import LATTICE
 from knitsim.equilibrium.large.linear import (
     Linear,
@@ -197,8 +199,20 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
             by_lattice = work.linear.by_lattice(change[work.cell.count :])
             trial = y + change + work.linear.answer(-by_lattice)
             bend_predictor(trial, y, before, march)
-            status, used, residual, pairs = _solve_step(scene, trial, slip, rub, march, pairs, work)
-            iterations += used
+            around, widened = pairs, 0
+            while True:
+                status, used, residual, pairs = _solve_step(
+                    scene, trial, slip, rub, march, pairs, work
+                )
+                iterations += used
+                if status != CONVERGED or known(scene, trial, slip, around, pairs, inner):
+                    break
+                widened += 1
+                if widened > WIDENED:
+                    status = NOT_SETTLED
+                    break
+                around = sparse_pairs(scene, y, skin_over(scene, y, trial, control.skin), work)
+                slip = begin_friction(scene, y, around, rub, memory, inner)
             if status == CONVERGED and (
                 passes(scene, y, trial, inner)
                 if control.certify
