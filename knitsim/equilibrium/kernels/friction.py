@@ -200,8 +200,14 @@ def begin(rub, d, place, limit, stiffness):
 
 
 @njit
-def end(rub, place, memory):
-    """Energy lost over the step (J) and held in the spring at its end (J); fills a MEMORY."""
+def end(rub, d, place, memory):
+    """Energy lost over the step (J) and held in the spring at its end (J); fills a MEMORY.
+
+    d, place: as of :func:`turn`, at the end.
+    """
+    if rub.limit == 0.0:  # no pass asks for the normal of a place that has opened
+        distance = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+        face(rub, (d[0] / distance, d[1] / distance, d[2] / distance))
     u, size = across(place, rub.anchor, rub.normal)
     k, limit = rub.stiffness, rub.limit
     kept, lost = 1.0, 0.0

@@ -165,7 +165,8 @@ def _end_wraps(scene, slip, memory, work):
     for c in range(memory.shape[0]):
         for i in range(memory.shape[1]):
             place = (work.points[i, 0], work.points[i, 1], work.points[i, 2])
-            gone, kept = end(slip.wraps[c, i], place, memory[c, i])
+            d = from_axis(scene.fixtures.cylinders, c, work.points, i)
+            gone, kept = end(slip.wraps[c, i], d, place, memory[c, i])
             lost += gone
             held += kept
     return lost, held
@@ -298,7 +299,7 @@ def end_slip(scene, y, slip, work):
         if place.limit == 0.0 and place.before == 0.0:
             continue
         d = vector_of(scene, lattice, (place.pair[0], place.pair[1], place.pair[2]), work)
-        gone, stuck = end(place, d, kept[count])
+        gone, stuck = end(place, d, d, kept[count])
         lost += gone
         held += stuck
         count += stuck > 0.0
