@@ -188,7 +188,9 @@ def test_no_energy_of_a_search_lacks_a_pair(cotton, kind, bent, monkeypatch):
         if kind == "sparse":
             work = new_sparse_work(model.cell, scene)
             listed = first = sparse_pairs(scene, y, control.skin, work)
-            status, _, _, listed = large.sparse_minimise(scene, y, free, listed, (), control, False, work)
+            status, _, _, listed = large.sparse_minimise(
+                scene, y, free, listed, (), control, False, work
+            )
         else:
             work = new_work(scene)
             listed = first = pairs_at(scene, y, control.skin, work)

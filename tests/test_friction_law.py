@@ -47,7 +47,7 @@ def follow(rub, memory, apart, places, limits, stiffness, record):
             record[j, axis] = over * u[axis]
             change = places[j, axis] - places[j - 1, axis]
             work += 0.5 * (record[j - 1, axis] + record[j, axis]) * change
-        record[j, 4], record[j, 3] = end(rub, there, memory)
+        record[j, 4], record[j, 3] = end(rub, after, there, memory)
         record[j, 5] = work
 
 

@@ -26,15 +26,24 @@ from knitsim.equilibrium.kernels.follow import (
     LOOSE,
     PASSES,
     SETTLED,
+    WIDENED,
     begin_friction,
     end_friction,
     is_rubbed,
+    known,
     lag_friction,
     stands,
 )
 from knitsim.equilibrium.kernels.friction import MEMORY, Memory, Rub
 from knitsim.equilibrium.kernels.newton import CONVERGED, Control, minimise
-from knitsim.equilibrium.kernels.pairs import expand, pairs_at, place_frames, place_points, touching
+from knitsim.equilibrium.kernels.pairs import (
+    expand,
+    pairs_at,
+    place_frames,
+    place_points,
+    skin_over,
+    touching,
+)
 from knitsim.equilibrium.kernels.records import LATTICE, Scene
 from knitsim.equilibrium.open_scene import assemble, loads_of, out_of_plane, turned
 from knitsim.equilibrium.relax import REASONS
@@ -324,23 +333,29 @@ def follow_open(
             load=heavy * loads[0] + pulled * loads[1],
             fixtures=scene.fixtures._replace(couples=turned(couples, pulled, work.x)),
         )
-        pairs = pairs_at(scene, y, control.skin, work)
-        slip = begin_friction(scene, y, pairs, rub, memory, work)
+        start, skin, settled = y.copy(), control.skin, not is_rubbed(rub)
         y[own:] = (begin + moved * (target - begin))[own:]
-        settled = not is_rubbed(rub)
-        for _ in range(PASSES + 1):
-            aim = control
-            if not settled:
-                aim = control._replace(tolerance=LOOSE * control.tolerance)
-            status, used, residual, pairs = minimise(scene, y, free, pairs, slip, aim, False, work)
-            total += used
-            if status != CONVERGED or (
-                settled and (used == 0 or stands(scene, y, slip, rub, work))
-            ):
+        for _ in range(WIDENED + 1):
+            around = pairs = pairs_at(scene, start, skin, work)
+            slip = begin_friction(scene, start, around, rub, memory, work)
+            for _ in range(PASSES + 1):
+                aim = control
+                if not settled:
+                    aim = control._replace(tolerance=LOOSE * control.tolerance)
+                status, used, residual, pairs = minimise(
+                    scene, y, free, pairs, slip, aim, False, work
+                )
+                total += used
+                if status != CONVERGED or (
+                    settled and (used == 0 or stands(scene, y, slip, rub, work))
+                ):
+                    break
+                settled = lag_friction(scene, y, slip, rub, work) <= SETTLED or settled
+            else:
+                status = NOT_SETTLED
+            if status != CONVERGED or known(scene, y, slip, around, pairs, work):
                 break
-            settled = lag_friction(scene, y, slip, rub, work) <= SETTLED or settled
-        else:
-            status = NOT_SETTLED
+            skin, status = skin_over(scene, start, y, control.skin), NOT_SETTLED
         if status != CONVERGED:
             raise ComputationError(
                 f"open yarns: step {step + 1} of {len(programme)}: {REASONS[status]} "

@@ -52,7 +52,9 @@ from knitsim.jit import choose, njit
 LOOSE = 1e2  # tolerance of the passes that only find normal forces, over that of the last
 SETTLED = 2e-3  # of the friction force: what another pass may change of it
 PASSES, CORRECTIONS = 20, 6  # at most: of the normal forces, of an unknown held over another
-WIDENED = 3  # times at most that a step is solved anew as pairs have come to rub that it did not know
+WIDENED = (
+    3  # times at most that a step is solved anew as pairs have come to rub that it did not know
+)
 
 
 class March(NamedTuple):

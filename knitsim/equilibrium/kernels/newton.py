@@ -202,10 +202,10 @@ def move(y, length, step, point):
 def minimise(scene, y, free, listed, slip, control, ready, work):
     """Move y (in place) along its free unknowns to a minimum of the energy.
 
-    listed: pairs to begin with, renewed where they do not cover a point; ready: whether work.factor is that of
-    a point so near that it may serve.  Returns status, iterations,
-    residual (N) and the pairs as they are at the end.  Afterwards work.factor and work.hessian are those
-    of one of the last points, work.gradient and work.terms the values at y.
+    listed: pairs to begin with, renewed where they do not cover a point; ready: whether work.factor is that
+    of a point so near that it may serve.  Returns status, iterations, residual (N) and the pairs as they are
+    at the end.  Afterwards work.factor and work.hessian are those of one of the last points, work.gradient
+    and work.terms the values at y.
     """
     # The order of the energy is given as np.int64: Numba would compile everything once more for each
     # literal number.  ``searching``: point = y + length step is on trial; otherwise it is a start.

@@ -1,9 +1,10 @@
 """Newton's method and the following of a path in a large cell, with its sparse Hessian.
 
-The same steps as :mod:`.kernels.newton` and :mod:`.kernels.follow`, to the same tolerances and with the same
-checks of every state, in Python, where each step is large enough: cap and Armijo search, factors that serve
-on, tangent predictor, step halving, work balance.  Instead of shifting a Hessian that is not positive definite,
-Newton's linear problem is solved by conjugate gradients that end where they meet negative curvature.
+The same steps as :mod:`.kernels.newton` and :mod:`.kernels.follow`, to the same tolerances and with the
+same checks of every state, in Python, where each step is large enough: cap and Armijo search, factors that
+serve on, tangent predictor, step halving, work balance.  Instead of shifting a Hessian that is not positive
+definite, Newton's linear problem is solved by conjugate gradients that end where they meet negative
+curvature.
 """
 
 import math
@@ -118,7 +119,7 @@ def sparse_minimise(scene, y, free, pairs, slip, control, ready, work):
 
 
 def _solve_taught(linear, taught, rhs):
-    """As :func:`knitsim.equilibrium.kernels.newton.solve_taught`; where nothing is taught yet, by the Hessian."""
+    """As :func:`knitsim.equilibrium.kernels.newton.solve_taught`; where nothing is taught, by the Hessian."""
     if not taught:
         return linear.answer(rhs)
     shares = []

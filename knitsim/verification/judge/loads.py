@@ -44,7 +44,9 @@ FROM = 0.25  # balances are read against this part of the whole work at least
 # Slope of the energy against that by finer integrals, over the load: at most this many times what the
 # solver says that the load may be off by, and not less than these parts of it and of the largest.
 TIMES, LEAST_FINE, LEAST_OF_ALL = 2.0, 0.02, 1e-3
-SHIFTED = 0.1  # of the largest load: what may lie between the fabric's rest and that of finer integrals
+SHIFTED = (
+    0.1  # of the largest load: what may lie between the fabric's rest and that of finer integrals
+)
 CLOSE = 0.03  # of the whole way: states at most this far apart are close
 ALIKE = 4.0  # ratio of two intervals up to which a parabola is put through their three states
 BEND = 0.1  # of the change of the load over an interval that its chord may miss
@@ -382,7 +384,9 @@ class Loads:
         shifted = 0.0
         if len(chosen) and self.test.rest is None and self.along.shape[1] == 1 and self.close[0]:
             most = SHIFTED * self.largest
-            shifted = np.clip(np.nan_to_num(self._astray(0) / np.diff(self.along[:2, 0])[0]), -most, most)
+            shifted = np.clip(
+                np.nan_to_num(self._astray(0) / np.diff(self.along[:2, 0])[0]), -most, most
+            )
         for i in chosen:
             ends, way = [i, i + 1], self.along[i + 1, 0] - self.along[i, 0]
             off = self._astray(i)

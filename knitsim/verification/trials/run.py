@@ -224,7 +224,7 @@ def solved(asked, relaxed, error=False, finer=1):
 
 
 def _jump(asked, relaxed, states, given):
-    """After which state the fabric jumps from one shape to another, which sets energy free; None if it does not.
+    """After which state the fabric jumps to another shape, which sets energy free; None if it does not.
 
     Then work goes astray in the same amount however small the steps are (without friction it is what
     the solver says was lost); an error of the steps falls.
