@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 from knitsim.verification.judge.contact import SPREAD, cell_mean, cell_press, cell_slopes, cells
 from knitsim.verification.judge.given import controls_of, design, law_energy
 
+RUN = 8  # contact points that are searched for together
 NEIGHBOURS = 1.6  # diameters of arc below which two places of one yarn do not touch
 ROUNDED_STRAIN = (
     4e-4  # half width over which the solver says that it rounds kinks of the tension law
@@ -101,7 +102,7 @@ class Energy:
         control = control.reshape(self.given.courses, -1, 3)
         points = self.placed(self.place, self.turns, control, lattice).reshape(-1, 3)
         reach = self.given.diameter + self.stated * SPREAD * self.length
-        i, k, image, _ = self.near(points, lattice, curvature, reach)
+        i, k, image = self.near(points, lattice, curvature, reach)
         bare = Shape(control, lattice, curvature, points, i, k, image, None, None)
         gap = self.gaps(bare, i, k, image)
         return Shape(control, lattice, curvature, points, i, k, image, gap, size_of(gap))
@@ -113,7 +114,7 @@ class Energy:
         return values
 
     def near(self, points, lattice, curvature, reach):
-        """Pairs i, k, image, distance of contact points closer than reach in space.
+        """Pairs i, k, image of contact points closer than reach in space.
 
         Each unordered pair once, arc neighbours left out, and pairs half a turn of the cylinder and
         more apart: pure bending is that of a strip too short to meet itself.
@@ -125,23 +126,66 @@ class Energy:
         moved[..., :2] += (images @ self.cell(lattice))[:, None]
         moved = moved.reshape(-1, 3)
         own, other = self.in_space(points, curvature), self.in_space(moved, curvature)
-        kept = ((other >= own.min(0) - reach) & (other <= own.max(0) + reach)).all(1).nonzero()[0]
-        found = cKDTree(own).sparse_distance_matrix(
-            cKDTree(other[kept]), reach, output_type="ndarray"
-        )
-        i, far = found["i"].astype(np.int64), kept[found["j"].astype(np.int64)]
+        i, far = self._candidates(own, other, images, reach)
         k, image = far % m, images[far // m]
+        apart = size_of(own[i] - other[far])
         across = points[i, self.bent] - moved[far, self.bent]
-        keep = np.abs(curvature * across) < np.pi
+        keep = (apart < reach) & (np.abs(curvature * across) < np.pi)
         home = (image == 0).all(1)
         keep &= ~home | (i < k)
-        period = given.wales * given.loop_length
-        apart = np.abs(self.arc[i] - self.arc[k] - image[:, 0] * period)
-        same = (image[:, 1] == 0) & (self.of_yarn[i] == self.of_yarn[k])
-        keep &= ~same | (apart >= NEIGHBOURS * given.diameter)
+        keep &= ~self._are_neighbours(i, k, image, NEIGHBOURS * given.diameter)
         order = np.lexsort((k, i, far // m))
         order = order[keep[order]]
-        return i[order], k[order], image[order], found["v"][order]
+        return i[order], k[order], image[order]
+
+    def _are_neighbours(self, i, k, image, arc):
+        """Whether contact points i and k moved by image (pairs, 2) lie on one yarn, less than arc (m) apart."""
+        period = self.given.wales * self.given.loop_length
+        apart = np.abs(self.arc[i] - self.arc[k] - image[:, 0] * period)
+        return (image[:, 1] == 0) & (self.of_yarn[i] == self.of_yarn[k]) & (apart < arc)
+
+    def _candidates(self, own, other, images, reach):
+        """Pairs of places of own (m, 3) and other (images m, 3) that may be closer than reach.
+
+        Runs of RUN places are searched by their middles; those of which all are neighbours are left out.
+        """
+        m, each = len(own), len(own) // self.given.courses
+        first = np.concatenate(
+            [np.arange(0, each, RUN) + n * each for n in range(self.given.courses)]
+        )
+        size = np.diff(np.append(first, m))
+        starts = (first + m * np.arange(len(images))[:, None]).ravel()
+        ours, theirs = (
+            np.add.reduceat(places, at) / n[:, None]
+            for places, at, n in ((own, first, size), (other, starts, np.tile(size, len(images))))
+        )
+        wide = max(
+            size_of(places - np.repeat(middle, n, axis=0)).max()
+            for places, middle, n in (
+                (own, ours, size),
+                (other, theirs, np.tile(size, len(images))),
+            )
+        )
+        reach = reach + 2.0 * wide
+        kept = (
+            ((theirs >= ours.min(0) - reach) & (theirs <= ours.max(0) + reach)).all(1).nonzero()[0]
+        )
+        found = cKDTree(ours).sparse_distance_matrix(
+            cKDTree(theirs[kept]), reach, output_type="ndarray"
+        )
+        i, far = found["i"].astype(np.int64), kept[found["j"].astype(np.int64)]
+        k, image = far % len(first), images[far // len(first)]
+        least = NEIGHBOURS * self.given.diameter - 2.0 * RUN * self.length
+        there = ~self._are_neighbours(first[i], first[k], image, least)
+        i, far = i[there], far[there]
+        step = np.arange(RUN)
+        a = first[i][:, None, None] + step[:, None]
+        b = starts[far][:, None, None] + step
+        whole = (step[:, None] < size[i][:, None, None]) & (
+            step < size[far % len(first)][:, None, None]
+        )
+        a, b = np.broadcast_arrays(a, b)
+        return a[whole], b[whole]
 
     def in_space(self, points, curvature):
         """Places in space (..., 3) of fabric points (..., 3); the origin stays."""
