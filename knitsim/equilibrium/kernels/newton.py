@@ -31,6 +31,7 @@ BLURRED, FALLEN = 1e-10, 0.1  # relative to the energy, to the residual
 HALVINGS = 30
 MEMORY = 12  # steps with one factor: how many are remembered
 FALLING = 0.5  # of the residual: a step that leaves more asks for a new factor
+CLOSER = 0.01  # of the tolerance: where a step by an older factor ends, which a fresh one would pass by far
 CURVED = 1e-10  # cosine of step and change of gradient from which on a step is remembered
 
 
@@ -243,7 +244,10 @@ def minimise(scene, y, free, listed, slip, control, ready, work):
                 move(y, length, step, point)
                 continue
             elif on_trust == 0:
-                return NO_DESCENT, iteration, residual, listed
+                found = CONVERGED if residual <= control.tolerance else NO_DESCENT
+                if found == CONVERGED:  # round-off: no step gets any closer
+                    energy_of(scene, y, listed, slip, np.int64(1), work)
+                return found, iteration, residual, listed
             else:
                 restore = True
         elif not finite:
@@ -257,6 +261,7 @@ def minimise(scene, y, free, listed, slip, control, ready, work):
         copy_to(point, y)
         serves = searching and length == 1.0 and on_trust == 0 and shift == 0.0
         serves = (serves and after <= FALLING * residual and count < MEMORY) or ready
+        aim = control.tolerance * (CLOSER if count > 0 else 1.0)
         energy, residual = new, after
         if energy < kept_energy:
             copy_to(y, kept)
@@ -269,16 +274,17 @@ def minimise(scene, y, free, listed, slip, control, ready, work):
             for i in range(free.size):
                 rhs[i], change[i] = step[free[i]], work.gradient[free[i]] - before[i]
             count = remember(taught, count, rhs, change)
-        elif order == 2 or residual > control.tolerance:
+        elif order == 2 or residual > aim:
             if order < 2:
                 energy_of(scene, y, listed, slip, np.int64(2), work)
             shift, count = factorise_shifted(work.hessian, free, work.factor), 0
             if not math.isfinite(shift):
                 return NOT_FINITE, iteration, residual, listed
-        if residual <= control.tolerance:
+        if residual <= aim:
             return CONVERGED, iteration, residual, listed
         if iteration == control.limit:
-            return TOO_MANY, iteration, residual, listed
+            found = CONVERGED if residual <= control.tolerance else TOO_MANY
+            return found, iteration, residual, listed
         iteration += 1
         for i in range(free.size):
             before[i] = work.gradient[free[i]]

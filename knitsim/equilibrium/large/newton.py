@@ -41,6 +41,7 @@ from knitsim.equilibrium.kernels.follow import (
     stands,
 )
 from knitsim.equilibrium.kernels.newton import (
+    CLOSER,
     CONVERGED,
     FALLING,
     HALVINGS,
@@ -84,9 +85,10 @@ def sparse_minimise(scene, y, free, pairs, slip, control, ready, work):
     if not (math.isfinite(energy) and math.isfinite(residual)):
         return NOT_FINITE, 0, residual, pairs
     iteration, serves, taught = 0, ready, []
-    while residual > control.tolerance:
+    while residual > control.tolerance * (CLOSER if taught else 1.0):
         if iteration == control.limit:
-            return TOO_MANY, iteration, residual, pairs
+            found = CONVERGED if residual <= control.tolerance else TOO_MANY
+            return found, iteration, residual, pairs
         iteration += 1
         if not serves:
             work.linear, taught = Linear(scene, y, pairs, slip, lattice, work), []
@@ -107,7 +109,8 @@ def sparse_minimise(scene, y, free, pairs, slip, control, ready, work):
             length *= 0.5
         else:
             _, residual, pairs = at(y, pairs)
-            return NO_DESCENT, iteration, residual, pairs
+            found = CONVERGED if residual <= control.tolerance else NO_DESCENT
+            return found, iteration, residual, pairs
         serves = length == 1.0 and after <= FALLING * residual and len(taught) < MEMORY
         serves = serves and work.factor.shift == 0.0
         change = inner.gradient - before
