@@ -187,6 +187,7 @@ def _relax(fabric, resolution, y):
     if fabric.set_fraction > 0.0:
         held = held_state(one, y)
         if one is not model:
+            model = build_model(fabric, model.resolution, model.cell.symmetries, model.sparse, True)
             model = with_set(model, carried(model, one, held))
             one = with_set(one, held)
         else:
@@ -233,7 +234,8 @@ def without(relaxed, kept):
     left = tuple(one for one in model.cell.symmetries if KEPT[kept](one))
     if left == model.cell.symmetries:
         return relaxed
-    other = build_model(fabric, Resolution(model.cell.points, model.cell.contacts), left)
+    points = Resolution(model.cell.points, model.cell.contacts)
+    other = build_model(fabric, points, left, slides=model.held is not None)
     if model.held is not None:
         other = with_set(other, carried(other, model, model.held))
     state = settle(other, carried(other, model, relaxed.y), other.free(0, 3), relaxed.iterations)

@@ -29,7 +29,7 @@ def lowest_stiffness(curve, wales, courses):
     if not one.cell.symmetric:
         raise InputError("cell", "full", "must be symmetric: the symmetric state is asked for")
     size = Resolution(one.cell.points, one.cell.contacts, "full", wales, courses)
-    model = build_model(one.fabric, size)
+    model = build_model(one.fabric, size, slides=one.held is not None)
     if one.held is not None:
         model = with_set(model, carried(model, one, one.held))
     scene, free = model.with_load(curve.load), model.free(*curve.free)
