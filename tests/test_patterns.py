@@ -14,6 +14,7 @@ from knitsim.equilibrium.model import build_model, carried
 from knitsim.equilibrium.pattern import Pattern
 from knitsim.equilibrium.pull import tensile
 from knitsim.equilibrium.relax import relax, settle, start_from
+from knitsim.equilibrium.solve import gradient_at
 from knitsim.errors import InputError
 from knitsim.yarn.law import paper_k3
 
@@ -186,3 +187,13 @@ def test_courses_of_unequal_loop_length(rest):
 def test_what_is_no_pattern_is_refused(stated):
     with pytest.raises(InputError, match="pattern"):
         Pattern.of(stated)
+
+
+@pytest.mark.parametrize("pattern", ["kp", "kkp/kpk"])
+def test_the_held_loop_of_a_set_is_in_equilibrium_in_the_full_cell(pattern):
+    stated = {"wale_spacing": 1.6e-3, "course_spacing": 0.9e-3, "set_fraction": 0.6}
+    set_ = Fabric(**COTTON | stated, pattern=pattern)
+    model = relax(set_, Resolution(cell="full")).model
+    bare = build_model(set_, model.resolution, model.cell.symmetries, model.sparse, True)
+    left, _ = gradient_at(bare, bare.scene, model.held)
+    assert np.abs(left[: bare.lattice]).max() < 1e-2 * set_.bending_rigidity / set_.loop_length**2

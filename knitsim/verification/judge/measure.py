@@ -139,7 +139,7 @@ class Energy:
         return i[order], k[order], image[order]
 
     def _are_neighbours(self, i, k, image, arc):
-        """Whether contact points i and k moved by image (pairs, 2) lie on one yarn, less than arc (m) apart."""
+        """Whether points i and k, this moved by image (pairs, 2), lie on one yarn less than arc (m) apart."""
         period = self.given.wales * self.given.loop_length
         apart = np.abs(self.arc[i] - self.arc[k] - image[:, 0] * period)
         return (image[:, 1] == 0) & (self.of_yarn[i] == self.of_yarn[k]) & (apart < arc)

@@ -123,7 +123,6 @@ def _no_input(case, random):
         {"wale_spacing": math.inf},
         {"course_spacing": -case.course_spacing},
         {"contact": replace(case.contact, stiffness=0.0)},
-        {"loop_length": 20.0 * case.loop_length},
         {"set_fraction": 1.2},
         {"bending_hysteresis": -1e-9},
     )
