@@ -39,7 +39,7 @@ LOST, LOST_IN_SEVERAL = 0.01, 1.0
 # Of all contact forces: where no symmetry says how far yarns have slid, points at which contact is read feel
 # a little of it, and the cell holds the yarns against that.
 SLIDING = 5e-3
-BALANCE = 0.03  # of the work: neither stored nor lost; a solved step may miss 0.05 of its loss
+BALANCE = 0.015  # of the work: neither stored nor lost
 FROM = 0.25  # balances are read against this part of the whole work at least
 # Slope of the energy against that by finer integrals, over the load: at most this many times what the
 # solver says that the load may be off by, and not less than these parts of it and of the largest.
