@@ -31,7 +31,7 @@ BLURRED, FALLEN = 1e-10, 0.1  # relative to the energy, to the residual
 HALVINGS = 30
 MEMORY = 12  # steps with one factor: how many are remembered
 FALLING = 0.5  # of the residual: a step that leaves more asks for a new factor
-CLOSER = 0.01  # of the tolerance: where a step by an older factor ends, which a fresh one would pass by far
+CLOSER = 0.03  # of the tolerance: what another step with an older factor would leave, as the last one tells
 CURVED = 1e-10  # cosine of step and change of gradient from which on a step is remembered
 
 
@@ -261,7 +261,8 @@ def minimise(scene, y, free, listed, slip, control, ready, work):
         copy_to(point, y)
         serves = searching and length == 1.0 and on_trust == 0 and shift == 0.0
         serves = (serves and after <= FALLING * residual and count < MEMORY) or ready
-        aim = control.tolerance * (CLOSER if count > 0 else 1.0)
+        rate = after / residual if count > 0 else 0.0
+        done = after <= control.tolerance and rate * after <= CLOSER * control.tolerance
         energy, residual = new, after
         if energy < kept_energy:
             copy_to(y, kept)
@@ -274,13 +275,13 @@ def minimise(scene, y, free, listed, slip, control, ready, work):
             for i in range(free.size):
                 rhs[i], change[i] = step[free[i]], work.gradient[free[i]] - before[i]
             count = remember(taught, count, rhs, change)
-        elif order == 2 or residual > aim:
+        elif order == 2 or not done:
             if order < 2:
                 energy_of(scene, y, listed, slip, np.int64(2), work)
             shift, count = factorise_shifted(work.hessian, free, work.factor), 0
             if not math.isfinite(shift):
                 return NOT_FINITE, iteration, residual, listed
-        if residual <= aim:
+        if done:
             return CONVERGED, iteration, residual, listed
         if iteration == control.limit:
             found = CONVERGED if residual <= control.tolerance else TOO_MANY

@@ -85,7 +85,8 @@ def sparse_minimise(scene, y, free, pairs, slip, control, ready, work):
     if not (math.isfinite(energy) and math.isfinite(residual)):
         return NOT_FINITE, 0, residual, pairs
     iteration, serves, taught = 0, ready, []
-    while residual > control.tolerance * (CLOSER if taught else 1.0):
+    rate = 0.0
+    while residual > control.tolerance or rate * residual > CLOSER * control.tolerance:
         if iteration == control.limit:
             found = CONVERGED if residual <= control.tolerance else TOO_MANY
             return found, iteration, residual, pairs
@@ -113,7 +114,7 @@ def sparse_minimise(scene, y, free, pairs, slip, control, ready, work):
             return found, iteration, residual, pairs
         serves = length == 1.0 and after <= FALLING * residual and len(taught) < MEMORY
         serves = serves and work.factor.shift == 0.0
-        change = inner.gradient - before
+        change, rate = inner.gradient - before, after / residual if taught else 0.0
         if serves and step @ change > 0.0:
             taught.append((step, change, 1.0 / (step @ change)))
         y[:] = point
