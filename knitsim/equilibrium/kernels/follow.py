@@ -140,10 +140,10 @@ def widest(square, core):
     """Square (m2) of the largest spacing h of contact points whose closest are sqrt(square) = D apart.
 
     Yarns that cross between the points, at most h/2 along either, come to D^2 - h^2/2 of each other: no core
-    is to be inside another there, and h is to be D at most.  Of the mean over the cells of the points
-    (:mod:`.mean`) the numerical error tells how far it is off.
+    is to be inside another there, and the room left is to be half of D^2 - core^2 at least, as the mean over
+    the cells of the points (:mod:`.mean`) is off by the fourth power of h over that.
     """
-    return min(square, 2.0 * (square - core * core))
+    return min(square, square - core * core)
 
 
 @njit
