@@ -86,7 +86,8 @@ class Friction:
         with np.errstate(divide="ignore", invalid="ignore"):
             onset = np.where(b > 0.0, -c / (b + root), (root - b) / a)
         onset = limits[0] + np.clip(np.nan_to_num(onset, nan=0.0), 0.0, 1.0) * rise
-        lost = (0.5 * (onset + limits[1]) * (1.0 - kept) * size).sum()
+        slid = kept < 1.0
+        lost = (0.5 * (onset + limits[1]) * (1.0 - kept) * size)[slid].sum()
         way *= kept[:, None]
         stays = (way != 0.0).any(1)
         pull = energy.pulled(after, k * way, at)
