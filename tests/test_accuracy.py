@@ -22,7 +22,7 @@ from knitsim.stages.page import _with_error
 from knitsim.stages.summary import _agreement, _worst
 from knitsim.store.tensile import counted_error
 from knitsim.study.study import load_study
-from knitsim.yarn.law import TensionLaw
+from knitsim.yarn.law import TensionLaw, paper_k3
 
 SMOOTH = {"smooth": {}}
 RUBBING = {"rubs": {"friction": True}}
@@ -101,7 +101,7 @@ def test_an_accuracy_that_is_not_reached_is_told(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_an_error_that_nothing_tells_is_unknown(friction, monkeypatch):
-    """A coarser solution that took as many points as the finer, or was not found, says nothing."""
+    """Another solution that took as many points as the finer, or was not found, says nothing."""
     law = TensionLaw((0.0, 0.01, 0.07), (0.0, 0.44, 5.84), 0.07)
     cotton = Fabric(1.5e-3, 1.2e-3, 5.56e-3, 0.28e-3, 5e-9, law, friction=friction)
     rest = relax(cotton, Resolution(28))
@@ -111,10 +111,10 @@ def test_an_error_that_nothing_tells_is_unknown(friction, monkeypatch):
 
     told = errors()
     assert (told > 0.0).all()
-    monkeypatch.setattr(accuracy, "coarser", lambda resolution, _: resolution)
+    monkeypatch.setattr(accuracy, "other_than", lambda resolution, _: resolution)
     assert np.isnan(errors()).all()
     coarse = Resolution(4 * LEAST_POINTS)
-    monkeypatch.setattr(accuracy, "coarser", lambda resolution, _: coarse)
+    monkeypatch.setattr(accuracy, "other_than", lambda resolution, _: coarse)
     at = accuracy.at_resolution
 
     def not_found(relaxed, resolution):
@@ -285,3 +285,14 @@ def test_what_was_measured_and_how_well_a_parameter_is_read_is_said():
     assert _with_error(parameter) == "40 ± 2"
     assert _with_error(parameter | {"error": "0.002"}) == "40"
     assert _with_error(parameter | {"value": "", "error": "", "kes_value": ""}) == ""
+
+
+@pytest.mark.parametrize("points", [24, 32, 48])
+def test_errors_of_few_control_points_are_not_below_the_true_ones(points):
+    """Where no resolution lies below, one above tells the error."""
+    strains = [0.1, 0.3, 0.6]
+    cotton = Fabric(None, None, 5.56e-3, 0.2793e-3, 5e-9, paper_k3(continuous=True))
+    fine = tensile(relax(cotton, Resolution(96, 464)), "course", strains)
+    few = tensile(relax(cotton, Resolution(points)), "course", strains, estimate_error=True)
+    true = np.abs(few.force_per_loop / fine.force_per_loop - 1.0)
+    assert (few.numerical_error >= true).all() and true[-1] > 1e-4

@@ -57,6 +57,12 @@ def finer(resolution, fabric):
     return _scaled(resolution, fabric, 1.5)
 
 
+def other_than(resolution, fabric):
+    """The Resolution that tells the error of one: a rung below, or above where none lies below."""
+    below = coarser(resolution, fabric)
+    return below if below.points < resolution.points else finer(resolution, fabric)
+
+
 def _scaled(resolution, fabric, factor):
     points = max(LEAST_POINTS, 4 * round(factor * resolution.points / 4.0))
     contacts = 4 * round(factor * resolution.contacts_for(fabric) / 4.0)
@@ -99,7 +105,7 @@ def rest_to(relaxed, accuracy=None):
     """
     model = relaxed.model
     if accuracy is None:
-        return relaxed, _apart(relaxed, coarser(model.resolution, model.fabric))
+        return relaxed, _apart(relaxed, other_than(model.resolution, model.fabric))
     error = np.nan
     for rung in range(1, len(LADDER)):
         below, resolution = (
@@ -116,7 +122,7 @@ def rest_to(relaxed, accuracy=None):
 
 
 def _apart(relaxed, resolution):
-    """Estimated relative error of the relaxed spacings, by a coarser resolution."""
+    """Estimated relative error of the relaxed spacings, by another resolution."""
     try:
         other = at_resolution(relaxed, resolution)
     except ComputationError:
@@ -128,10 +134,10 @@ def _apart(relaxed, resolution):
 
 
 def _part(model):
-    """Which part of the change from the coarser resolution the error is at most."""
+    """Which part of the change from the other resolution the error is at most."""
     if model.cell.points < SETTLED:
-        few = coarser(model.resolution, model.fabric).points
-        return few / max(model.cell.points - few, 1)
+        other = other_than(model.resolution, model.fabric).points
+        return other / abs(model.cell.points - other)
     return 1.0 if model.rub else LACKING
 
 
@@ -158,7 +164,7 @@ def solved(relaxed, run, increment, accuracy=None, estimate_error=False, refine=
     if accuracy is None:
         if not estimate_error:
             return _fine(run, relaxed, increment, refine)[0]
-        rungs = [coarser(model.resolution, model.fabric), model.resolution]
+        rungs = [other_than(model.resolution, model.fabric), model.resolution]
         accuracy = np.inf
     else:
         _checked(accuracy)
