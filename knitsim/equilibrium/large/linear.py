@@ -28,6 +28,7 @@ from knitsim.equilibrium.large import assembly as kernels
 
 SHIFT, SHIFT_STEP, SHIFTS = 1e-6, 4.0, 40  # of the largest diagonal entry; growth; tries
 KRYLOV, REFACTOR = 60, 20  # back substitutions at most; above this the factor is renewed
+GROWN = 1e6  # residual over the first, by the factor: such a factor is too far from the Hessian
 FORCING = 1e-6  # how much smaller the residual of the linear problem must become
 KEPT = 0.5  # couplings that stay in a pattern though they do not touch, over the pairs that do
 COUNTED = ("factor", "pattern", "pairs", "krylov")
@@ -296,7 +297,7 @@ class Linear:
         """
         work = self.work
         r, x = rhs, np.zeros_like(rhs)
-        z = p = work.factor.solve(r)
+        z = p = start = work.factor.solve(r)
         rho = first = r @ z
         for used in range(1, KRYLOV + 1):
             work.counts["krylov"] += 1
@@ -314,6 +315,9 @@ class Linear:
             new = r @ z
             if new <= FORCING**2 * first:
                 return x
+            if not new <= GROWN * first:
+                work.stale = True
+                return start
             p = z + (new / rho) * p
             rho = new
         work.stale = True

@@ -43,6 +43,7 @@ from knitsim.equilibrium.kernels.follow import (
 from knitsim.equilibrium.kernels.newton import (
     CLOSER,
     CONVERGED,
+    CURVED,
     FALLING,
     HALVINGS,
     MEMORY,
@@ -115,7 +116,7 @@ def sparse_minimise(scene, y, free, pairs, slip, control, ready, work):
         serves = length == 1.0 and after <= FALLING * residual and len(taught) < MEMORY
         serves = serves and work.factor.shift == 0.0
         change, rate = inner.gradient - before, after / residual if taught else 0.0
-        if serves and step @ change > 0.0:
+        if serves and step @ change > CURVED * np.linalg.norm(step) * np.linalg.norm(change):
             taught.append((step, change, 1.0 / (step @ change)))
         y[:] = point
         energy, residual = new, after
