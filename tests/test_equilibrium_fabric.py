@@ -93,9 +93,10 @@ def test_quarter_and_full_cell_agree(cotton, course):
     curve = tensile(full, "course", [0.2, 0.6, 1.0])
     same = np.interp(curve.strain, course.strain, course.force_per_loop)
     assert full.wale_spacing == pytest.approx(cotton.wale_spacing, rel=1e-9)
-    np.testing.assert_allclose(curve.force_per_loop, same, rtol=2e-7)
+    left = cotton.model.control.tolerance
+    np.testing.assert_allclose(curve.force_per_loop, same, rtol=0.0, atol=left)
     # The full cell may shear by itself.
-    assert np.abs(curve.forces[:, 1:3] / curve.force_per_loop[:, None]).max() < 5e-8
+    assert np.abs(curve.forces[:, 1:3]).max() < 0.1 * left
 
 
 def test_mirrored_fabric_mirrors_its_result():

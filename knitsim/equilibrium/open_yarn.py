@@ -26,7 +26,6 @@ from knitsim.equilibrium.kernels.follow import (
     LOOSE,
     PASSES,
     SETTLED,
-    WIDENED,
     begin_friction,
     end_friction,
     is_rubbed,
@@ -335,7 +334,7 @@ def follow_open(
         )
         start, skin, settled = y.copy(), control.skin, not is_rubbed(rub)
         y[own:] = (begin + moved * (target - begin))[own:]
-        for _ in range(WIDENED + 1):
+        while True:
             around = pairs = pairs_at(scene, start, skin, work)
             slip = begin_friction(scene, start, around, rub, memory, work)
             for _ in range(PASSES + 1):
@@ -355,7 +354,11 @@ def follow_open(
                 status = NOT_SETTLED
             if status != CONVERGED or known(scene, y, slip, around, pairs, work):
                 break
-            skin, status = skin_over(scene, start, y, control.skin), NOT_SETTLED
+            wider = skin_over(scene, start, y, control.skin)
+            if wider <= skin:
+                status = NOT_SETTLED
+                break
+            skin = wider
         if status != CONVERGED:
             raise ComputationError(
                 f"open yarns: step {step + 1} of {len(programme)}: {REASONS[status]} "

@@ -52,9 +52,6 @@ from knitsim.jit import choose, njit
 LOOSE = 1e2  # tolerance of the passes that only find normal forces, over that of the last
 SETTLED = 2e-3  # of the friction force: what another pass may change of it
 PASSES, CORRECTIONS = 20, 6  # at most: of the normal forces, of an unknown held over another
-WIDENED = (
-    3  # times at most that a step is solved anew as pairs have come to rub that it did not know
-)
 
 
 class March(NamedTuple):
@@ -187,15 +184,6 @@ def _is_rubbed(rub):
 # Whether there are normal forces to be lagged.
 is_rubbed = choose("rub", _is_rubbed, False)
 begin_friction = choose("rub", begin_slip, _smooth)
-
-
-@njit
-def _known(scene, y, slip, around, listed, work):
-    return covers(scene, around, y, work) or all_rub(scene, y, slip, listed, work)
-
-
-# Whether the friction of a step, begun with the pairs ``around``, knows all that press at its end y.
-known = choose("slip", _known, True)
 lag_friction = choose("rub", lag_slip, _nothing_lags)
 
 
@@ -207,6 +195,15 @@ def _stands(scene, y, slip, rub, work):
 
 # Whether another pass would leave the friction forces as they are; nothing is lagged by asking.
 stands = choose("rub", _stands, True)
+
+
+@njit
+def _known(scene, y, slip, around, listed, work):
+    return covers(scene, around, y, work) or all_rub(scene, y, slip, listed, work)
+
+
+# Whether the friction of a step, begun with the pairs ``around``, knows all that press at its end y.
+known = choose("slip", _known, True)
 end_friction = choose("slip", _ended, _nothing_lost)
 
 
@@ -338,9 +335,9 @@ def follow(scene, standing, targets, march, rub, trail):
     after, moved = np.empty(n), np.zeros(n)
     stale, done, lost, rubbed = True, 0.0, 0.0, 0.0
     driven, reached, ended = march.driven[0], 0, REACHED
-    search = np.zeros(4)
+    search, skin = np.zeros(4), control.skin
     search[0] = 1.0 if force[driven] < march.until else -1.0
-    listed = pairs_at(scene, y, control.skin, work)
+    listed = pairs_at(scene, y, skin, work)
     slip = begin_friction(scene, y, listed, rub, memory, work)
     _, _, held = end_friction(scene, y, slip, memory, work)
     energy_of(scene, y, listed, slip, np.int64(0), work)
@@ -351,8 +348,8 @@ def follow(scene, standing, targets, march, rub, trail):
         search[1], search[2] = 0.0, part
         while left > 1e-9:
             part = part if left - part > 1e-9 else left
-            if not covers(scene, listed, y, work):
-                listed = pairs_at(scene, y, control.skin, work)
+            if skin > control.skin or not covers(scene, listed, y, work):
+                listed = pairs_at(scene, y, skin, work)
             slip = begin_friction(scene, y, listed, rub, memory, work)
             if stale:
                 energy_of(scene, y, listed, slip, np.int64(2), work)
@@ -363,20 +360,19 @@ def follow(scene, standing, targets, march, rub, trail):
             answer(trial, change, march.free, work)
             aim_at(trial, y, targets[state], part / left, march)
             bend_predictor(trial, y, before, march)
-            around, widened = listed, 0
-            while True:
-                status, used, residual, listed = solve_step(
-                    scene, trial, slip, rub, targets[state], part >= left, march, listed, work
-                )
-                iterations += used
-                if status != CONVERGED or known(scene, trial, slip, around, listed, work):
-                    break
-                widened += 1
-                if widened > WIDENED:
-                    status = NOT_SETTLED
-                    break
-                around = pairs_at(scene, y, skin_over(scene, y, trial, control.skin), work)
-                slip = begin_friction(scene, y, around, rub, memory, work)
+            around = listed
+            status, used, residual, listed = solve_step(
+                scene, trial, slip, rub, targets[state], part >= left, march, listed, work
+            )
+            iterations += used
+            if status == CONVERGED and not known(scene, trial, slip, around, listed, work):
+                # Yarns have slid on to others: the step again, with all pairs on the way.
+                wider = skin_over(scene, y, trial, control.skin)
+                if wider > skin:
+                    skin, stale = wider, True
+                    continue
+                status = NOT_SETTLED
+            skin = control.skin
             for i in (n - LATTICE, n - LATTICE + 3):
                 if (
                     not first[i] <= trial[i] * march.widest

@@ -147,8 +147,7 @@ def remember(taught, count, step, change):
     """Keep a step (n,) and the change of the gradient over it as number ``count``, if it curves upwards.
 
     taught: steps (MEMORY, n), changes (MEMORY, n), 1 over the products of both (MEMORY,), room for as
-    many numbers.  Returns how many
-    are kept.
+    many numbers.  Returns how many are kept.
     """
     steps, changes, inverse, _ = taught
     product = long = large = 0.0

@@ -30,7 +30,6 @@ from knitsim.equilibrium.kernels.follow import (
     LOOSE,
     PASSES,
     SETTLED,
-    WIDENED,
     begin_friction,
     bend_predictor,
     end_friction,
@@ -186,7 +185,7 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
     energy_of(scene, y, pairs, slip, np.int64(1), inner)
     stored = inner.terms.sum() + held
     driven = march.driven[0]
-    search = np.zeros(4)
+    search, skin = np.zeros(4), control.skin
     search[0] = 1.0 if force[driven] < march.until else -1.0
     for state, target in enumerate(targets):
         left, iterations, increments = 1.0, 0, 0
@@ -194,7 +193,7 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
         search[1], search[2] = 0.0, part
         while left > 1e-9:
             part = part if left - part > 1e-9 else left
-            pairs = sparse_pairs(scene, y, control.skin, work)
+            pairs = sparse_pairs(scene, y, skin, work)
             slip = begin_friction(scene, y, pairs, rub, memory, inner)
             if work.linear is None:
                 work.linear = Linear(scene, y, pairs, slip, lattice, work)
@@ -205,20 +204,16 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
             by_lattice = work.linear.by_lattice(change[work.cell.count :])
             trial = y + change + work.linear.answer(-by_lattice)
             bend_predictor(trial, y, before, march)
-            around, widened = pairs, 0
-            while True:
-                status, used, residual, pairs = _solve_step(
-                    scene, trial, slip, rub, march, pairs, work
-                )
-                iterations += used
-                if status != CONVERGED or known(scene, trial, slip, around, pairs, inner):
-                    break
-                widened += 1
-                if widened > WIDENED:
-                    status = NOT_SETTLED
-                    break
-                around = sparse_pairs(scene, y, skin_over(scene, y, trial, control.skin), work)
-                slip = begin_friction(scene, y, around, rub, memory, inner)
+            around = pairs
+            status, used, residual, pairs = _solve_step(scene, trial, slip, rub, march, pairs, work)
+            iterations += used
+            if status == CONVERGED and not known(scene, trial, slip, around, pairs, inner):
+                wider = skin_over(scene, y, trial, control.skin)
+                if wider > skin:
+                    skin, work.linear = wider, None
+                    continue
+                status = NOT_SETTLED
+            skin = control.skin
             if status == CONVERGED and (
                 passes(scene, y, trial, inner)
                 if control.certify

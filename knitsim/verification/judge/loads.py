@@ -38,15 +38,12 @@ MOST_STEPS = 8  # between two states: what friction does in more is not told ane
 LOST, LOST_IN_SEVERAL = 0.01, 1.0
 # Of all contact forces: where no symmetry says how far yarns have slid, points at which contact is read feel
 # a little of it, and the cell holds the yarns against that.
-SLIDING = 5e-3
+SLIDING = 5e-4
 BALANCE = 0.015  # of the work: neither stored nor lost
 FROM = 0.25  # balances are read against this part of the whole work at least
 # Slope of the energy against that by finer integrals, over the load: at most this many times what the
 # solver says that the load may be off by, and not less than these parts of it and of the largest.
 TIMES, LEAST_FINE, LEAST_OF_ALL = 2.0, 0.02, 1e-3
-SHIFTED = (
-    0.1  # of the largest load: what may lie between the fabric's rest and that of finer integrals
-)
 CLOSE = 0.03  # of the whole way: states at most this far apart are close
 ALIKE = 4.0  # ratio of two intervals up to which a parabola is put through their three states
 BEND = 0.1  # of the change of the load over an interval that its chord may miss
@@ -248,9 +245,7 @@ class Loads:
             ]
         left = self._unsure(i) * self.rubbed[i].force
         size = np.sqrt((self.states.lattice[i] ** 2).max())
-        # An image moves by as many spacings as it lies away.
-        far = np.abs(self.shapes[i].image).max(initial=1)
-        pairs = left, np.full(4, far * left / self.same.loops), left * size**2
+        pairs = left, np.full(4, left / self.same.loops), left * size**2
         couples = self.friction.unsure(self.shapes[i], self.rubbed[i].memory)
         return self.rubbed[i].acting, [a + b for a, b in zip(pairs, couples, strict=True)]
 
@@ -387,44 +382,29 @@ class Loads:
             yield Finding("yarns closer than contact points can tell", worst, nearest.min(), apart)
 
     def _finer(self, noise):
-        """Slopes of the energy against those by finer integrals, the law without rounded kinks.
-
-        Loads count from the fabric's own rest.  Where finer integrals find that elsewhere, slopes differ by
-        the load between the two: at rest by all of it, further on by some.
-        """
-        s, told = self.states, np.isfinite(self.states.numerical_error)
+        """Slopes of the energy against those by finer integrals, the law without rounded kinks."""
+        s, given = self.states, self.given
+        told = np.isfinite(s.numerical_error)
         chosen = np.flatnonzero(self.close & told[1:] & told[:-1])
-        chosen = chosen[spread(len(chosen), LOOKED)] if len(chosen) else ()
-        shifted = 0.0
-        if len(chosen) and self.test.rest is None and self.along.shape[1] == 1 and self.close[0]:
-            most = SHIFTED * self.largest
-            shifted = np.clip(
-                np.nan_to_num(self._astray(0) / np.diff(self.along[:2, 0])[0]), -most, most
+        for i in chosen[spread(len(chosen), LOOKED)] if len(chosen) else ():
+            ends = [i, i + 1]
+            near = min(closest(self.same, self.shapes[k]) for k in ends)
+            width = np.sqrt(2.0 * near * max(near - given.contact.core, 0.0))
+            contacts = max(
+                FINE_CONTACTS * given.contacts, DENSE * given.loop_length / given.diameter
             )
-        for i in chosen:
-            ends, way = [i, i + 1], self.along[i + 1, 0] - self.along[i, 0]
-            off = self._astray(i)
-            if not np.isfinite(off):
-                near = min(closest(self.same, self.shapes[k]) for k in ends)
-                yield Finding(INSIDE, int(i), near, self.given.contact.core)
+            if 0.0 < width < np.inf:
+                contacts = max(contacts, min(MOST_FINE, NARROW * given.loop_length / width))
+            fine = Energy(given, FINE_GAUSS, int(contacts), False, self.bent)
+            stored = [fine.terms(shape).sum() for shape in self._shapes(fine, ends)]
+            if not np.isfinite(stored).all():
+                yield Finding(INSIDE, int(i), near, given.contact.core)
                 continue
-            off -= np.clip(off, *sorted((0.0, shifted * way)))
+            off = np.diff(stored - self.stored[ends].sum(1))[0]
             said = np.maximum(TIMES * s.numerical_error[ends], LEAST_FINE) * self.scale[ends]
             limit = np.maximum(said, LEAST_OF_ALL * self.largest).mean() * self.size[i] + noise[i]
             check = "slope of the energy by finer integrals is another"
             yield from above(check, abs(off), limit, int(i) + 1)
-
-    def _astray(self, i):
-        """What finer integrals say is stored between the states i and i + 1 (J) beyond what is told."""
-        given, ends = self.given, [i, i + 1]
-        near = min(closest(self.same, self.shapes[k]) for k in ends)
-        width = np.sqrt(2.0 * near * max(near - given.contact.core, 0.0))
-        contacts = max(FINE_CONTACTS * given.contacts, DENSE * given.loop_length / given.diameter)
-        if 0.0 < width < np.inf:
-            contacts = max(contacts, min(MOST_FINE, NARROW * given.loop_length / width))
-        fine = Energy(given, FINE_GAUSS, int(contacts), False, self.bent)
-        stored = [fine.terms(shape).sum() for shape in self._shapes(fine, ends)]
-        return np.diff(stored - self.stored[ends].sum(1))[0]
 
 
 def _worst(check, state, off, limit):

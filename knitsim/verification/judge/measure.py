@@ -155,18 +155,12 @@ class Energy:
         )
         size = np.diff(np.append(first, m))
         starts = (first + m * np.arange(len(images))[:, None]).ravel()
-        ours, theirs = (
-            np.add.reduceat(places, at) / n[:, None]
-            for places, at, n in ((own, first, size), (other, starts, np.tile(size, len(images))))
-        )
-        wide = max(
-            size_of(places - np.repeat(middle, n, axis=0)).max()
-            for places, middle, n in (
-                (own, ours, size),
-                (other, theirs, np.tile(size, len(images))),
-            )
-        )
-        reach = reach + 2.0 * wide
+        sizes = np.tile(size, len(images))
+        theirs = np.add.reduceat(other, starts) / sizes[:, None]
+        # The cell itself is the image that moves nothing.
+        home = int(np.flatnonzero((images == 0).all(1))[0]) * len(first)
+        ours = theirs[home : home + len(first)]
+        reach = reach + 2.0 * size_of(other - np.repeat(theirs, sizes, axis=0)).max()
         kept = (
             ((theirs >= ours.min(0) - reach) & (theirs <= ours.max(0) + reach)).all(1).nonzero()[0]
         )
@@ -181,9 +175,8 @@ class Energy:
         step = np.arange(RUN)
         a = first[i][:, None, None] + step[:, None]
         b = starts[far][:, None, None] + step
-        whole = (step[:, None] < size[i][:, None, None]) & (
-            step < size[far % len(first)][:, None, None]
-        )
+        whole = step[:, None] < size[i][:, None, None]
+        whole = whole & (step < sizes[far][:, None, None])
         a, b = np.broadcast_arrays(a, b)
         return a[whole], b[whole]
 
