@@ -101,7 +101,7 @@ def test_an_accuracy_that_is_not_reached_is_told(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_an_error_that_nothing_tells_is_unknown(friction, monkeypatch):
-    """Another solution that took as many points as the finer, or was not found, says nothing."""
+    """One that took as many points says nothing: a finer one is asked; without any other none is told."""
     law = TensionLaw((0.0, 0.01, 0.07), (0.0, 0.44, 5.84), 0.07)
     cotton = Fabric(1.5e-3, 1.2e-3, 5.56e-3, 0.28e-3, 5e-9, law, friction=friction)
     rest = relax(cotton, Resolution(28))
@@ -111,11 +111,15 @@ def test_an_error_that_nothing_tells_is_unknown(friction, monkeypatch):
 
     told = errors()
     assert (told > 0.0).all()
+    at = accuracy.at_resolution
+    fine = at(rest, Resolution(112))
+    true = tensile(fine, "course", [0.01, 0.02]).force_per_loop
+    off = np.abs(tensile(rest, "course", [0.01, 0.02]).force_per_loop / true - 1.0)
     monkeypatch.setattr(accuracy, "other_than", lambda resolution, _: resolution)
-    assert np.isnan(errors()).all()
+    assert (off < errors()).all()
+    assert (errors() < 1.0).all()
     coarse = Resolution(4 * LEAST_POINTS)
     monkeypatch.setattr(accuracy, "other_than", lambda resolution, _: coarse)
-    at = accuracy.at_resolution
 
     def not_found(relaxed, resolution):
         if resolution == coarse:

@@ -200,6 +200,21 @@ def test_yarns_that_meet_within_a_step_rub():
     assert [(row["outcome"], row["reason"]) for row in rows] == [("verified", "")]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("campaign", "seed", "number"),
+    [
+        ("shear_campaign", 91404, 10),  # work that goes astray in increments one by one adds up
+        ("bending_campaign", 91603, 37),  # snaps, on the way out and on the way back
+        ("stress", 91301, 352),  # pressed on to its core: the error of the contact points is told
+        ("stress", 91702, 511),  # yarns first touch within a step that is halved
+    ],
+)
+def test_cases_that_were_wrong_are_right(campaign, seed, number):
+    rows, _ = run.run(CAMPAIGNS[campaign], [number], seed)
+    assert {(row["outcome"], row["reason"]) for row in rows} == {("verified", "")}
+
+
 # ---------------------------------------------------------------- rule
 
 

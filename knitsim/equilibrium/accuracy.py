@@ -29,6 +29,7 @@ LADDER = ((48, 1.0), (72, 1.5), (112, 2.5), (168, 3.8), (248, 5.6))
 SETTLED, LACKING = 64, 0.7  # control points from which on an error is this part of the last change
 AROUND = 4  # states on either side whose error may stand for a state
 DENSER = 1.5  # contact points where those there are stand too far apart
+UNLIKE = 1.2  # ratio of contact points from which on two solutions tell their error
 MOST_DENSE = 4.0  # contact points a test may end with, over those it began with
 SHARE = 0.5  # of the error asked for that is left to the increments, with friction
 HALVINGS = 5  # of the increment, at most
@@ -125,20 +126,23 @@ def _apart(relaxed, resolution):
     """Estimated relative error of the relaxed spacings, by another resolution."""
     try:
         other = at_resolution(relaxed, resolution)
+        if not _differ(relaxed.model, other.model):
+            other = at_resolution(relaxed, _above(relaxed.model))
     except ComputationError:
         return np.nan
-    return _part(relaxed.model) * max(
+    return _part(relaxed.model, other.model) * max(
         abs(other.wale_spacing / relaxed.wale_spacing - 1.0),
         abs(other.course_spacing / relaxed.course_spacing - 1.0),
     )
 
 
-def _part(model):
-    """Which part of the change from the other resolution the error is at most."""
-    if model.cell.points < SETTLED:
-        other = other_than(model.resolution, model.fabric).points
-        return other / abs(model.cell.points - other)
-    return 1.0 if model.rub else LACKING
+def _part(model, other):
+    """Which part of the change from the model of another resolution the error is at most."""
+    points, others = model.cell.points, other.cell.points
+    if points < SETTLED:
+        return others / abs(points - others)
+    # Of a change to the finer, what the finer lacks comes to it.
+    return (1.0 if model.rub else LACKING) + float(others > points)
 
 
 def _checked(accuracy):
@@ -169,7 +173,7 @@ def solved(relaxed, run, increment, accuracy=None, estimate_error=False, refine=
     else:
         _checked(accuracy)
         rungs = [resolution_at(model.fabric, n, model.resolution) for n in range(len(LADDER))]
-    coarse, steps, failure, found = None, None, None, None
+    coarse, steps, failure, found, alike = None, None, None, None, False
     for resolution in rungs:
         try:
             curve, start = _fine(run, at_resolution(relaxed, resolution), increment)
@@ -178,19 +182,36 @@ def solved(relaxed, run, increment, accuracy=None, estimate_error=False, refine=
         except ComputationError as error:
             failure = error
             continue
-        known = coarse is not None and _size(coarse) != _size(curve)
+        known = coarse is not None and _differ(coarse.model, curve.model)
         found = _with_errors(curve, coarse, steps) if known else curve
         if known and largest_error(found) <= accuracy:
             break
-        coarse = curve
+        coarse, alike = curve, coarse is not None and not known
     if found is None:
         raise failure
+    if alike:
+        try:
+            above, _ = _fine(run, at_resolution(relaxed, _above(found.model)), increment)
+            return _with_errors(found, above, steps)
+        except ComputationError:
+            pass
     return found
 
 
-def _size(curve):
-    """Control and contact points a loop with which a test was solved: contacts may have asked for more."""
-    return curve.model.cell.points, curve.model.cell.contacts
+def _differ(one, other):
+    """Whether two models differ in control and in contact points.
+
+    Yarns pressed close to a core may take more contact points: two models that take as many tell nothing of
+    the error that these leave.
+    """
+    a, b = one.cell, other.cell
+    return a.points != b.points and not 1.0 / UNLIKE < a.contacts / b.contacts < UNLIKE
+
+
+def _above(model):
+    """The Resolution a rung above that of a model, with more contact points than it took."""
+    contacts = 4 * int(np.ceil(1.5 * model.cell.contacts / 4.0))
+    return replace(finer(model.resolution, model.fabric), contacts=contacts)
 
 
 def _fine(run, start, increment, refine=True):
@@ -222,7 +243,7 @@ def _stepped(start, run, increment, curve, accuracy):
     for _ in range(HALVINGS):
         if np.isinf(accuracy):
             break
-        if largest_error(_with_errors(curve, twice, None)) <= SHARE * accuracy:
+        if largest_error(_with_errors(curve, None, (curve, twice))) <= SHARE * accuracy:
             break
         increment /= 2.0
         twice, curve = curve, run(start, increment)
@@ -231,7 +252,7 @@ def _stepped(start, run, increment, curve, accuracy):
 
 def _with_errors(curve, coarse, steps):
     """The curve with its errors: by a coarser solution, and by a pair in steps of two lengths."""
-    pairs = [] if coarse is None else [(_part(curve.model), curve, coarse)]
+    pairs = [] if coarse is None else [(_part(curve.model, coarse.model), curve, coarse)]
     pairs += [] if steps is None else [(STEPPED, *steps)]
     if not pairs:
         return curve

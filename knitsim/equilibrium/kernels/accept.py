@@ -17,6 +17,8 @@ SMALLEST_BALANCED = 1.0 / 8.0  # of an asked step: increments are not made small
 # What may be neither stored nor lost in an increment: of what is lost in it, of all that was lost, of
 # its work.
 BALANCED, WHOLE_BALANCED, WORK_BALANCED = 0.05, 3e-3, 0.01
+# Of all that was lost, what increments together may miss; above it only a part of that is let through.
+ASTRAY, CLOSER = 0.01, 0.2
 # Of the largest force, where a force is asked for.  With friction a state is known no better than the
 # friction force is settled.
 FORCE_TOLERANCE, RUBBED_TOLERANCE = 1e-6, 1e-4
@@ -134,10 +136,10 @@ def account(load, march, forces, gain, loss, so_far):
     """Energy lost, work done in an increment (J), and whether the books do not balance.
 
     forces: force, after, moved, past as in :func:`work_of_increment`, moved of all unknowns; gain: of
-    stored energy; loss: to friction; so_far: energy stored, energy lost before.
+    stored energy; loss: to friction; so_far: energy stored, energy lost before, and what was neither.
     """
     force, after, moved, past = forces
-    stored, lost = so_far
+    stored, lost, astray = so_far
     # What is free moves under dead loads only, whose work is exact.
     held = low = high = 0.0
     for i in march.free:
@@ -151,8 +153,11 @@ def account(load, march, forces, gain, loss, so_far):
         return loss, gain + loss, loss > 0.0
     work = held + work_of_increment(force, after, moved, past)
     most = BALANCED * loss + WHOLE_BALANCED * (lost + loss) + WORK_BALANCED * abs(work - held)
+    off = work - gain - loss
+    if abs(astray + off) > ASTRAY * (lost + loss):
+        most *= CLOSER
     # Where the force bends sharply, as where yarns start to slip, it is followed closely.
-    return loss, work, abs(work - gain - loss) > most
+    return loss, work, abs(off) > most
 
 
 @leaf

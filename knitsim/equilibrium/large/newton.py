@@ -183,7 +183,7 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
     slip = begin_friction(scene, y, pairs, rub, memory, inner)
     held = end_friction(scene, y, slip, memory, inner)[2]
     energy_of(scene, y, pairs, slip, np.int64(1), inner)
-    stored = inner.terms.sum() + held
+    stored = begun = inner.terms.sum() + held
     driven = march.driven[0]
     search, skin = np.zeros(4), control.skin
     search[0] = 1.0 if force[driven] < march.until else -1.0
@@ -229,7 +229,7 @@ def sparse_follow(model, scene, standing, targets, march, rub, trail):
                 energy = inner.terms.sum() + held
                 loss, step_work, unbalanced = account(
                     scene.load, march, (force, after, trial - y, passed), energy - stored, rub_loss,
-                    (stored, rubbed),
+                    (stored, rubbed, begun + done - stored - lost),
                 )  # fmt: skip
                 verdict = decide(part, balanced, NOT_SETTLED if unbalanced else CONVERGED)
                 # Where the fabric snaps, it does so in each part that is long enough.
