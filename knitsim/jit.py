@@ -24,9 +24,11 @@ import numba
 import numpy as np
 from numba import types
 from numba.core import caching, codegen, event, sigutils
+from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
+from numba.core.compiler_machinery import PassManager
 from numba.core.environment import lookup_environment
 from numba.core.registry import CPUDispatcher
-from numba.core.targetconfig import ConfigStack
+from numba.core.targetconfig import ConfigStack, TargetConfig
 from numba.extending import overload
 
 from knitsim.files import cache_root
@@ -61,6 +63,31 @@ class _CarefulFile(caching.IndexDataCacheFile):
 
 
 caching.IndexDataCacheFile = _CarefulFile
+
+
+class _Passes(CompilerBase):
+    """Numba's passes over a kernel without those for what no kernel has, and without its notes on types."""
+
+    def define_pipelines(self):
+        passes = PassManager("kernel")
+        whole = DefaultPassBuilder.define_nopython_pipeline(self.state).passes
+        passes.passes = [one for one in whole if one[0].__name__ not in _UNUSED]
+        passes.finalize()
+        return [passes]
+
+
+_UNUSED = {
+    "AnnotateTypes", "WithLifting", "LiteralUnroll", "LiteralPropagationSubPipelinePass", "InlineInlinables",
+    "DumpParforDiagnostics", "MakeFunctionToJitFunction",
+}  # fmt: skip
+
+
+# Numba looks options up by a hash of their names, that are always the same, and then compares them all.
+TargetConfig.__hash__ = lambda self: hash(type(self))
+TargetConfig.__eq__ = lambda self, other: (
+    isinstance(other, TargetConfig)
+    and (self._values == other._values or self.values() == other.values())
+)
 
 # No fastmath: it would let a NaN pass the checks that must catch it.  No wrappers for C, which nothing
 # here asks for and which take time to compile.
@@ -154,7 +181,13 @@ class _Kernel(CPUDispatcher):
             del self.overloads[arguments]
         self._cache.way_in = self._called
         self.targetoptions["no_cpython_wrapper"] = not self._called
-        return super().compile(sig)
+        # What Numba compiles of its own on the way is called from kernels alone, too.
+        wrapper = Flags.options["no_cfunc_wrapper"]
+        before, wrapper._default = wrapper._default, True
+        try:
+            return super().compile(sig)
+        finally:
+            wrapper._default = before
 
     def add_overload(self, cres):
         if cres.library.inner:
@@ -170,7 +203,9 @@ def njit(function=None, **options):
     if numba.config.DISABLE_JIT:
         return function
     kernel = _Kernel(
-        function, targetoptions=OPTIONS | {"nopython": True, "boundscheck": None} | options
+        function,
+        targetoptions=OPTIONS | {"nopython": True, "boundscheck": None} | options,
+        pipeline_class=_Passes,
     )
     kernel.enable_caching()
     return kernel
@@ -220,7 +255,11 @@ def choose(path, there, gone):
     stub.chosen = chosen
     stub.borrows = all(_borrows(one) for one in (there, gone))
     chooser = eval(f"lambda {names}: chosen({names})", {"chosen": chosen})
-    options = OPTIONS | {"no_cpython_wrapper": True, "_nrt": not stub.borrows}
+    options = OPTIONS | {
+        "no_cpython_wrapper": True,
+        "_nrt": not stub.borrows,
+        "pipeline_class": _Passes,
+    }
     overload(stub, jit_options=options)(chooser)
     return stub
 

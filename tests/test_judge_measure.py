@@ -42,9 +42,12 @@ def test_shares_nothing_with_the_solver():
             if isinstance(node, ast.Import):
                 assert {alias.name for alias in node.names} <= {"numpy", "math"}
             elif isinstance(node, ast.ImportFrom):
-                assert node.module in ("dataclasses", "scipy.spatial") or node.module.startswith(
-                    "knitsim.verification.judge."
-                )
+                assert node.module in (
+                    "dataclasses",
+                    "functools",
+                    "itertools",
+                    "scipy.spatial",
+                ) or node.module.startswith("knitsim.verification.judge.")
 
 
 # ---------------------------------------------------------------- splines and laws

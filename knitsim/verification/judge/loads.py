@@ -15,6 +15,8 @@ Limits follow from what the method claims.  Two were found in trials with other 
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from itertools import repeat
 
 import numpy as np
 
@@ -56,6 +58,7 @@ GAUSS, FINE_GAUSS = 3, 8  # points per span that the method states; finer ones
 # width of the closest contact; at most a loop.
 FINE_CONTACTS, DENSE, NARROW, MOST_FINE = 4, 40, 1.5, 12000
 INSIDE = "cores are inside each other"
+KEPT = 4  # shapes
 MEASURED, LOOKED = 24, 6  # states whose forces, and whose finer integrals are measured
 
 
@@ -99,17 +102,23 @@ class Loads:
         self.given, self.states, self.test, self.controls = given, states, test, controls
         self.bent = test.bent or 0
         self.same = Energy(given, GAUSS, given.contacts, True, self.bent)
-        self.shapes = self._shapes(self.same, range(len(controls)))
-        self.stored = np.array([self.same.terms(shape) for shape in self.shapes])
+        # The shapes of long tests do not fit the memory: the last ones are kept, others made again.
+        self.shape = lru_cache(KEPT)(partial(self._shape, self.same))
         self.noise = noise_of(given)
         self._ways()
         self.friction = Friction(self.same)
-        self.rubbed = list(self._rubbed()) if given.rubs else []
+        rubbed = self._rubbed() if given.rubs else repeat(None)
+        stored, self.nearest, self.rubbed = [], np.empty(len(controls)), []
+        for i, found in zip(range(len(controls)), rubbed, strict=False):
+            stored.append(self.same.terms(self.shape(i)))
+            self.nearest[i] = self.shape(i).distance.min(initial=np.inf)
+            self.rubbed.append(found)
+        self.stored = np.array(stored)
 
     def _rubbed(self):
         """What friction does in each state (:class:`.friction.Rubbed`), None where it is not known."""
-        s, memory = self.states, self.friction.begun(self.shapes[0])
-        told = [v - v[0] for v in (s.work, self.stored.sum(1) + s.sprung, s.dissipated)]
+        s, memory = self.states, self.friction.begun(self.shape(0))
+        told = [v - v[0] for v in (s.work, s.energy.sum(1) + s.sprung, s.dissipated)]
         # Where work goes astray over several steps, the fabric has jumped on a way that nothing tells.
         astray = np.abs(np.diff(told[0] - told[1] - told[2], prepend=0.0))
         jumps = (astray > BALANCE * max(np.abs(v).max() for v in told)) & (s.increments > 1)
@@ -117,8 +126,8 @@ class Loads:
             s.dissipated[0] + s.sprung[0] <= ROUND_OFF * s.energy[0].sum()
             and self.test.rest is None
         )
-        yield self.friction.step(self.shapes[0], self.shapes[0], memory) if known else None
-        for i in range(1, len(self.shapes)):
+        yield self.friction.step(self.shape(0), self.shape(0), memory) if known else None
+        for i in range(1, len(self.controls)):
             known = known and s.increments[i] <= MOST_STEPS and not jumps[i]
             if known:
                 found, memory = self._stepped(i, memory)
@@ -129,11 +138,11 @@ class Loads:
 
         Of several solved steps those between are taken to lie on the straight way.
         """
-        s, lost, before = self.states, 0.0, self.shapes[i - 1]
+        s, lost, before = self.states, 0.0, self.shape(i - 1)
         count = max(int(s.increments[i]), 1)
         for n in range(1, count + 1):
             a, b, part = i - 1, i, n / count
-            after = self.shapes[i]
+            after = self.shape(i)
             if n < count:
                 ways = (
                     (1.0 - part) * x[a] + part * x[b]
@@ -146,9 +155,8 @@ class Loads:
             memory = self.friction.doubted(memory)
         return replace(found, lost=lost, memory=memory), memory
 
-    def _shapes(self, energy, which):
-        s = self.states
-        return [energy.shape(self.controls[i], s.lattice[i], s.curvature[i]) for i in which]
+    def _shape(self, energy, i):
+        return energy.shape(self.controls[i], self.states.lattice[i], self.states.curvature[i])
 
     def _ways(self):
         """What loads work along, how the intervals between states lie, and the work over each.
@@ -195,13 +203,12 @@ class Loads:
         self.driving = 0.5 * (low + high) * self.size - share + dead
 
     def findings(self):
-        nearest = np.array([shape.distance.min(initial=np.inf) for shape in self.shapes])
-        core = self.given.contact.core
+        nearest, core = self.nearest, self.given.contact.core
         if core and nearest.min() <= core:
             yield Finding(INSIDE, int(np.argmin(nearest)), nearest.min(), core)
             return
         yield from self._energies(nearest)
-        for i in spread(len(self.shapes), MEASURED):
+        for i in spread(len(self.controls), MEASURED):
             yield from self._forces(int(i))
         for i in self.test.unloaded:
             check = "a state said to be without load has one"
@@ -246,12 +253,12 @@ class Loads:
         if self.rubbed[i] is None:
             return none, [
                 COULOMB * np.max(most, initial=0.0) if n == 0 else COULOMB * most
-                for n, most in enumerate(self.friction.most(self.shapes[i]))
+                for n, most in enumerate(self.friction.most(self.shape(i)))
             ]
         left = self._unsure(i) * self.rubbed[i].force
         size = np.sqrt((self.states.lattice[i] ** 2).max())
         pairs = left, np.full(4, left / self.same.loops), left * size**2
-        couples = self.friction.unsure(self.shapes[i], self.rubbed[i].memory)
+        couples = self.friction.unsure(self.shape(i), self.rubbed[i].memory)
         return self.rubbed[i].acting, [a + b for a, b in zip(pairs, couples, strict=True)]
 
     def _slid(self, i, on_control):
@@ -274,13 +281,13 @@ class Loads:
     def _forces(self, i):
         """Equilibrium of every control point and free spacing, and the loads told."""
         s, test, loops = self.states, self.test, self.same.loops
-        slopes, (acting, besides) = self.same.gradient(self.shapes[i]), self._rubbing(i)
+        slopes, (acting, besides) = self.same.gradient(self.shape(i)), self._rubbing(i)
         on_control, on_lattice, couple = (a + b for a, b in zip(slopes, acting, strict=True))
         if test.bent is not None and 3 * self.bent in test.held:
             # Held spacings hold the mean plane where it is, by a pressure.
             on_control = on_control - [0.0, 0.0, on_control[..., 2].mean()]
         on_control, slid = self._slid(i, on_control)
-        most = SLIDING * self.same.press(self.shapes[i]).sum() + self.noise
+        most = SLIDING * self.same.press(self.shape(i)).sum() + self.noise
         yield from above(HELD, slid.max(), most, i)
         slid = np.minimum(slid, most).sum()
         # One point of a cell may hold what the noise of all others adds up to.
@@ -378,7 +385,7 @@ class Loads:
     def _closest(self, own):
         """Whether yarns are closer than they can be, between contact points too; own: at those (m)."""
         which = np.unique([*spread(len(own), LOOKED), int(np.argmin(own))])
-        nearest = np.array([closest(self.same, self.shapes[i]) for i in which])
+        nearest = np.array([closest(self.same, self.shape(i)) for i in which])
         worst = which[int(np.argmin(nearest))]
         core = self.given.contact.core
         if core and nearest.min() <= core:
@@ -395,7 +402,7 @@ class Loads:
         chosen = np.flatnonzero(self.close & told[1:] & told[:-1])
         for i in chosen[spread(len(chosen), LOOKED)] if len(chosen) else ():
             ends = [i, i + 1]
-            near = min(closest(self.same, self.shapes[k]) for k in ends)
+            near = min(closest(self.same, self.shape(k)) for k in ends)
             width = np.sqrt(2.0 * near * max(near - given.contact.core, 0.0))
             contacts = max(
                 FINE_CONTACTS * given.contacts, DENSE * given.loop_length / given.diameter
@@ -403,7 +410,7 @@ class Loads:
             if 0.0 < width < np.inf:
                 contacts = max(contacts, min(MOST_FINE, NARROW * given.loop_length / width))
             fine = Energy(given, FINE_GAUSS, int(contacts), False, self.bent)
-            stored = [fine.terms(shape).sum() for shape in self._shapes(fine, ends)]
+            stored = [fine.terms(self._shape(fine, k)).sum() for k in ends]
             if not np.isfinite(stored).all():
                 yield Finding(INSIDE, int(i), near, given.contact.core)
                 continue
