@@ -60,6 +60,7 @@ FINE_CONTACTS, DENSE, NARROW, MOST_FINE = 4, 40, 1.5, 12000
 INSIDE = "cores are inside each other"
 KEPT = 4  # shapes
 MEASURED, LOOKED = 24, 6  # states whose forces, and whose finer integrals are measured
+MOST_PAIRS = 2_000_000  # of contact points, whose forces are measured in all; in LOOKED states at least
 
 
 @dataclass(frozen=True)
@@ -208,7 +209,9 @@ class Loads:
             yield Finding(INSIDE, int(np.argmin(nearest)), nearest.min(), core)
             return
         yield from self._energies(nearest)
-        for i in spread(len(self.controls), MEASURED):
+        pairs = max(len(self.shape(i).distance) for i in (0, len(self.controls) - 1))
+        states = min(max(MOST_PAIRS // max(pairs, 1), LOOKED), MEASURED)
+        for i in spread(len(self.controls), states):
             yield from self._forces(int(i))
         for i in self.test.unloaded:
             check = "a state said to be without load has one"
@@ -262,16 +265,18 @@ class Loads:
         return self.rubbed[i].acting, [a + b for a, b in zip(pairs, couples, strict=True)]
 
     def _slid(self, i, on_control):
-        """Forces on control points of the state i without what keeps yarns from sliding, and that (yarns,).
+        """Forces on control points of the state i without what keeps yarns from sliding, and that (N).
 
         Without friction and set nothing depends on how far a yarn has slid along itself, but for contact
         points that pass each other.  A cell that no symmetry keeps from it holds the middles of the legs of
-        each yarn's first loop at one height.
+        a loop of each yarn at one height.  At rest friction has nothing else to hold.
         """
-        given, held = self.given, np.zeros(len(on_control))
-        if given.set_fraction > 0.0 or given.friction > 0.0:
+        given, held = self.given, np.zeros((len(on_control), 1))
+        if given.set_fraction > 0.0 or (given.friction > 0.0 and i > 0):
             return on_control, held
-        left, right = given.points // 4, 3 * given.points // 4
+        # Where the loops of a yarn are alike, each is held.
+        middles = np.arange(given.wales) * given.points + given.points // 4
+        left, right = middles, middles + given.points // 2
         held = 0.5 * (on_control[:, left, 1] - on_control[:, right, 1])
         left_over = on_control.copy()
         left_over[:, left, 1] -= held
