@@ -60,7 +60,9 @@ FINE_CONTACTS, DENSE, NARROW, MOST_FINE = 4, 40, 1.5, 12000
 INSIDE = "cores are inside each other"
 KEPT = 4  # shapes
 MEASURED, LOOKED = 24, 6  # states whose forces, and whose finer integrals are measured
-MOST_PAIRS = 2_000_000  # of contact points, whose forces are measured in all; in LOOKED states at least
+MOST_PAIRS = (
+    2_000_000  # of contact points, whose forces are measured in all; in LOOKED states at least
+)
 
 
 @dataclass(frozen=True)
