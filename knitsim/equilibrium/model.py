@@ -95,10 +95,8 @@ class Model:
 
     @property
     def at_ease(self):
-        """Friction that acts nowhere, for the kernels: as that of the tests where there is some, so that
-        what finds the state at rest is compiled once with what pulls it."""
-        if self.rub == () or self.rub.couple:
-            return ()
+        """Friction that acts nowhere, for the kernels: as that between the yarns of tests, which most fabrics
+        have, so that what finds the state at rest, without it, is compiled once with what pulls it."""
         return Slip(records(RUB, 0), np.zeros((0, 0), RUB), (), np.array([1.0, 0.0]))
 
 
