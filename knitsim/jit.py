@@ -29,6 +29,7 @@ from numba.core.compiler_machinery import PassManager
 from numba.core.environment import lookup_environment
 from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack, TargetConfig
+from numba.core.typed_passes import AnnotateTypes
 from numba.extending import overload
 
 from knitsim.files import cache_root
@@ -66,20 +67,14 @@ caching.IndexDataCacheFile = _CarefulFile
 
 
 class _Passes(CompilerBase):
-    """Numba's passes over a kernel without those for what no kernel has, and without its notes on types."""
+    """Numba's passes over a kernel without its notes on types, which nobody reads."""
 
     def define_pipelines(self):
         passes = PassManager("kernel")
         whole = DefaultPassBuilder.define_nopython_pipeline(self.state).passes
-        passes.passes = [one for one in whole if one[0].__name__ not in _UNUSED]
+        passes.passes = [one for one in whole if one[0] is not AnnotateTypes]
         passes.finalize()
         return [passes]
-
-
-_UNUSED = {
-    "AnnotateTypes", "WithLifting", "LiteralUnroll", "LiteralPropagationSubPipelinePass", "InlineInlinables",
-    "DumpParforDiagnostics", "MakeFunctionToJitFunction",
-}  # fmt: skip
 
 
 # Numba looks options up by a hash of their names, that are always the same, and then compares them all.
