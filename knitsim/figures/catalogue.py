@@ -40,13 +40,17 @@ def files_of(of, subject):
     }
 
 
+CYCLES = "cycles"
+
+
 @dataclass(frozen=True)
 class Figure:
     """name: of the file and of the function in knitsim.figures.<module> that draws it.
 
     group: drawn by one job.  of: yarn, fabric or study.  needs: files without which it is not drawn;
-    takes: files that it shows as well where they exist.  caption: what is to be seen, whatever the
-    yarn or fabric; numbers in it are those of the default study.
+    takes: files that it shows as well where they exist.  only: CYCLES, of scenes that pull a fabric more
+    than once.  caption: what is to be seen, whatever the yarn or fabric; numbers in it are those of the
+    default study.
     """
 
     name: str
@@ -56,6 +60,7 @@ class Figure:
     needs: tuple
     caption: str
     takes: tuple = ()
+    only: tuple = ()
 
 
 _KINEMATIC = ("tension_course", "tension_wale")
@@ -192,6 +197,7 @@ FIGURES = (
         "Pulled and released again and again with friction: loops of load and extension, peak force,"
         " energy lost and strain left in each cycle, and the spacings in which friction lets the fabric"
         " rest, a line from that after a pull along the wale to that after one along the course.",
+        only=(CYCLES,),
     ),
     Figure(
         "fig33_sensitivity", "solved", "sensitivity", "fabric", ("sensitivity",),
@@ -233,11 +239,12 @@ GROUPS = tuple(dict.fromkeys(figure.group for figure in FIGURES))
 
 
 def drawable(group, of, available):
-    """The figures of a group of a yarn or fabric for which the ``available`` files suffice."""
+    """The figures of a group of a yarn or fabric for which ``available``, files and CYCLES, suffices."""
     return [
         figure
         for figure in FIGURES
-        if (figure.group, figure.of) == (group, of) and set(figure.needs) <= set(available)
+        if (figure.group, figure.of) == (group, of)
+        and {*figure.needs, *figure.only} <= set(available)
     ]
 
 

@@ -136,6 +136,11 @@ class Plan:
         skips = [str(s) for name in measured for s in skips_of(self.study.fabrics[name].scene)]
         return fabrics, inputs, skips
 
+    def _cycles(self, fabric):
+        """Whether a fabric is pulled more than once in some condition."""
+        test = self.study.fabrics[fabric].scene["equilibrium_tension"]
+        return test is not None and any(one["cycles"] > 1 for one in test["variants"].values())
+
     def drawings(self):
         """[Drawing] of all figures of yarns and fabrics, by group; those of measured curves excepted."""
         subjects = {"yarn": list(self.study.yarns), "fabric": list(self.study.fabrics)}
@@ -150,6 +155,7 @@ class Plan:
                     for argument, file in catalogue.files_of(of, name).items()
                     if file in made
                 )
+                + ((catalogue.CYCLES,) if of == "fabric" and self._cycles(name) else ())
                 for name in names
             }
             for group in catalogue.GROUPS:
