@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from knitsim.equilibrium.contact import BarrierContact
-from knitsim.equilibrium.open_yarn import Cylinder, OpenYarn, Support, solve_open
+from knitsim.equilibrium.open_yarn import Cylinder, OpenYarn, Support, follow_open, solve_open
 from knitsim.errors import InputError
 from knitsim.yarn.law import TensionLaw
 
@@ -111,10 +111,15 @@ def test_hinged_strut(distance, value):
         return np.stack([LENGTH * t, 0.02 * LENGTH * np.sin(np.pi * t), 0 * t], axis=-1)
 
     end = Support("hinged", moved_to=(distance * LENGTH, 0.0, 0.0))
-    state = solve_open([yarn(80, shape=bow, start=HINGED, end=end)], coarse=True)
-    force = state.reaction(0, "end") * LENGTH**2 / BENDING
-    assert -force[0] == pytest.approx(load, rel=1e-4)
-    assert force[1] == pytest.approx(0.0, abs=1e-4)
+    # A step of the support longer than the elements beside it turns none of them over.
+    for elements, steps in ((80, 10), (160, 10), (80, 2)):
+        states = follow_open(
+            [yarn(elements, shape=bow, start=HINGED, end=end)], coarse=True, steps=steps
+        )
+        forces = [one.reaction(0, "end") * LENGTH**2 / BENDING for one in states]
+        assert -forces[-1][0] == pytest.approx(load, rel=1e-4)
+        assert forces[-1][1] == pytest.approx(0.0, abs=1e-4)
+        assert (np.diff([-one[0] for one in forces]) > 0.0).all()
 
 
 def test_crimped_yarn_pulled_straight():

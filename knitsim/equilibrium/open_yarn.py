@@ -255,6 +255,25 @@ def solve_open(yarns, **scene):
     return last
 
 
+def _carry(yarns, scene, chain, supports, y, change):
+    """Move the inner points of yarns along with their supports, which have been moved by ``change``.
+
+    Otherwise the whole way of a support would be taken from the elements beside it; where it is longer
+    than they are they turn over, and Newton's method finds a rod that is folded up there.
+    """
+    for k, yarn in enumerate(yarns):
+        ways = [
+            change[supports[k, end]:][:3] for end in ("start", "end") if (k, end) in supports
+        ]  # fmt: skip
+        if not ways:
+            continue
+        points = yarn.elements + 3
+        along = np.linspace(ways[0], ways[-1], points).ravel()
+        rows = scene.map.rows[3 * chain[k] : 3 * (chain[k] + points)]
+        own = rows.stop - rows.start == 1  # of points that no support holds
+        y[scene.map.entries.column[rows.start[own]]] += along[own]
+
+
 def follow_open(
     yarns,
     *,
@@ -334,6 +353,8 @@ def follow_open(
         )
         start, skin, settled = y.copy(), control.skin, not is_rubbed(rub)
         y[own:] = (begin + moved * (target - begin))[own:]
+        if contact is None and not cylinders:  # nothing that a yarn could be moved through
+            _carry(yarns, scene, chain, supports, y, y - start)
         while True:
             around = pairs = pairs_at(scene, start, skin, work)
             slip = begin_friction(scene, start, around, rub, memory, work)
