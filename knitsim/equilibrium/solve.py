@@ -6,7 +6,7 @@ from knitsim.equilibrium.kernels import follow as paths
 from knitsim.equilibrium.kernels import newton
 from knitsim.equilibrium.kernels.crossings import intact
 from knitsim.equilibrium.kernels.energy import energy_of, new_work
-from knitsim.equilibrium.kernels.pairs import pairs_at
+from knitsim.equilibrium.kernels.pairs import Listed, pairs_at
 from knitsim.equilibrium.kernels.records import LATTICE
 from knitsim.equilibrium.large.linear import (
     Linear,
@@ -28,8 +28,26 @@ def minimise(model, scene, y, free, control):
         pairs = sparse_pairs(scene, y, control.skin, work)
         return *sparse_minimise(scene, y, free, pairs, (), control, False, work)[:3], work.work
     work = new_work(scene)
-    pairs = pairs_at(scene, y, control.skin, work)
-    return *newton.minimise(scene, y, free, pairs, model.at_ease, control, False, work)[:3], work
+    listed, slip = _none_listed(y), model.at_ease
+    return *newton.minimise(scene, y, free, listed, slip, control, False, work)[:3], work
+
+
+def _none_listed(y):
+    """A list of pairs that covers no shape."""
+    return Listed(np.empty((0, 3), dtype=np.int64), np.empty(0), y.copy(), np.full(1, -np.inf))
+
+
+def _energy_at(model, scene, y, free=None):
+    """Buffers with the frictionless energy at y of a dense model; its Hessian too where ``free`` is given.
+
+    By a search that takes no step: another way into the kernels would take a second more to compile.
+    """
+    work, control = new_work(scene), model.control._replace(limit=0, skin=0.0)
+    some = model.free()[:0] if free is None else free
+    newton.minimise(
+        scene, y.copy(), some, _none_listed(y), model.at_ease, control, free is None, work
+    )
+    return work
 
 
 def gradient_at(model, scene, y):
@@ -37,10 +55,9 @@ def gradient_at(model, scene, y):
     if model.sparse:
         holder = new_sparse_work(model.cell, scene)
         work, pairs = holder.work, sparse_pairs(scene, y, 0.0, holder)
+        energy_of(scene, y, pairs, model.at_ease, np.int64(1), work)
     else:
-        work = new_work(scene)
-        pairs = pairs_at(scene, y, 0.0, work)
-    energy_of(scene, y, pairs, model.at_ease, np.int64(1), work)
+        work = _energy_at(model, scene, y)
     return work.gradient, float(np.sqrt(work.closest[0]))
 
 
@@ -86,7 +103,5 @@ def is_stable(model, scene, y, free):
     """Whether the frictionless energy of the cell is convex at y by all q and the free entries."""
     if model.sparse:
         return factor_of(linear_at(model, scene, y, free)) is not None
-    work = new_work(scene)
-    pairs = pairs_at(scene, y, 0.0, work)
-    energy_of(scene, y, pairs, model.at_ease, np.int64(2), work)
+    work = _energy_at(model, scene, y, free)
     return bool(newton.factorise(work.hessian, free, 0.0, work.factor))

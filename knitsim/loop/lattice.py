@@ -9,12 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from knitsim.errors import ComputationError, InputError
-from knitsim.loop.proximity_kernels import (
-    find_crossings,
-    is_plain_knit,
-    nearest_on_images,
-    read_crossings,
-)
+from knitsim.loop.proximity_kernels import nearest_on_images
 
 # One loop of plain knit from its head, seen from the face: (neighbour course, side).
 PLAIN_KNIT = (
@@ -53,22 +48,19 @@ def crossings(polyline, lattice):
     Raises InputError for arrays that do not fit, ComputationError for more than 64 crossings.
     """
     points, lattice = _checked(polyline, lattice)
-    pairs, reading = np.empty((_CAP, 3)), np.empty((2 * _CAP, 4))
     segments = len(points) - 1
-    count = find_crossings(points, lattice[0], lattice[1], pairs)
-    if count > _CAP:
-        raise ComputationError(f"crossings: {count} with one neighbour course, more than {_CAP}")
+    pairs = find_crossings(points, lattice)
+    if len(pairs) > _CAP:
+        raise ComputationError(
+            f"crossings: {len(pairs)} with one neighbour course, more than {_CAP}"
+        )
     along = lattice[0] / np.linalg.norm(lattice[0])
     wale = lattice[1] - (lattice[1] @ along) * along
     head = int(np.argmax(points[:-1] @ wale))
-    total = read_crossings(pairs, count, segments, float(head), reading)
     return tuple(
-        Crossing(
-            float(place / segments), float(other / segments), int(neighbour),
-            "over" if side > 0 else "under",
-        )
-        for place, other, neighbour, side in reading[:total]
-    )  # fmt: skip
+        Crossing(float(place / segments), float(other / segments), neighbour, side)
+        for place, other, neighbour, side in _read(pairs, segments, head)
+    )
 
 
 def crossings_intact(polyline, lattice, seen_from="face"):
@@ -82,9 +74,106 @@ def crossings_intact(polyline, lattice, seen_from="face"):
     if seen_from not in ("face", "back"):
         raise InputError("seen_from", seen_from, "must be face or back")
     points, lattice = _checked(polyline, lattice, finite=False)
-    pairs, reading = np.empty((_CAP, 3)), np.empty((2 * _CAP, 4))
-    face = 1.0 if seen_from == "face" else -1.0
-    return bool(is_plain_knit(points, lattice[0], lattice[1], face, pairs, reading))
+    if not np.isfinite(points).all():
+        return False
+    pairs = find_crossings(points, lattice)
+    if len(pairs) > _CAP:
+        return False
+    if seen_from == "back":
+        pairs[:, 2] *= -1.0
+    found = [(neighbour, side) for _, _, neighbour, side in _read(pairs, len(points) - 1, 0)]
+    return found in [list(PLAIN_KNIT[n:] + PLAIN_KNIT[:n]) for n in range(len(PLAIN_KNIT))]
+
+
+def find_crossings(points, lattice):
+    """Crossings, seen along the thickness, of a loop with the next course.
+
+    points, lattice: as of :func:`crossings`.  Returns (crossings, 3): the place on the loop, that on the
+    next course (both in segments, the latter counted on through its loops), and how much higher the next
+    course lies, m.
+    """
+    (along, across), m = lattice, len(points) - 1
+    square = along[:2] @ along[:2]
+    # A shift far below any size of interest decides crossings that go through a corner.
+    offset = across[:2] + 1e-9 * np.sqrt(square) * np.array([0.7548776662, 0.5698402910])
+    # How far the loop reaches along the course bounds the loops of the next course to look at.
+    reach = points[:, :2] @ along[:2] / square
+    spread, ahead = reach.max() - reach.min(), offset @ along[:2] / square
+    images = np.arange(np.floor(-spread - ahead), np.ceil(spread - ahead) + 1.0)
+    shifts = offset + images[:, None] * along[:2]
+    # Segments whose boxes meet.
+    low, high = (pick(points[:-1, :2], points[1:, :2]) for pick in (np.minimum, np.maximum))
+    lower, upper = low - shifts[:, None], high - shifts[:, None]
+    meets = ((lower <= high.max(axis=0)) & (upper >= low.min(axis=0))).all(axis=2)
+    k, i = np.nonzero(meets)
+    near = (lower[k, i, :1] <= high[:, 0]) & (upper[k, i, :1] >= low[:, 0])
+    near &= (lower[k, i, 1:] <= high[:, 1]) & (upper[k, i, 1:] >= low[:, 1])
+    of, j = np.nonzero(near)
+    k, i = k[of], i[of]
+    a, b = points[i, :2] - shifts[k], points[j, :2]
+    u, v = points[i + 1, :2] - shifts[k] - a, points[j + 1, :2] - b
+    det, apart = _cross(u, v), b - a
+    crossing = det != 0.0
+    det = np.where(crossing, det, 1.0)
+    s, t = _cross(apart, v) / det, _cross(apart, u) / det
+    crossing &= (s >= 0.0) & (s < 1.0) & (t >= 0.0) & (t < 1.0)
+    k, i, j, s, t = images[k[crossing]], i[crossing], j[crossing], s[crossing], t[crossing]
+    z = points[:, 2]
+    other_z = z[j] + t * (z[j + 1] - z[j]) + across[2] + k * along[2]
+    return np.column_stack([i + s, j + t + k * m, other_z - z[i] - s * (z[i + 1] - z[i])])
+
+
+def _cross(a, b):
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+def _read(pairs, segments, head):
+    """The crossings along one loop from ``head`` (in segments): [[place, other place, neighbour, side]].
+
+    pairs: of :func:`find_crossings`.  Two crossings that are next to each other on both yarns, on the
+    same side, are no interlacing (either yarn can be slid off the other: Reidemeister's second move) and
+    are left out.
+    """
+    reading = []
+    for own, other, height in pairs:
+        # Seen from the upper course the same crossing is one with its lower neighbour.
+        sides = ("under", "over") if height > 0.0 else ("over", "under")
+        for place, opposite, neighbour, side in (
+            (own, other, 1, sides[0]),
+            (other, own, -1, sides[1]),
+        ):
+            turn = np.floor((place - head) / segments) * segments
+            reading.append([place - turn, opposite - turn, neighbour, side])
+    reading.sort(key=lambda one: one[0])
+    while (two := _slid_off(reading, segments)) is not None:
+        reading = two
+    return reading
+
+
+def _slid_off(reading, segments):
+    """The reading without the first two crossings that do not interlace; None where all do."""
+    # A millionth of a segment: the neighbour's own entries of these two are the ends.
+    close = 1e-6
+    for n, one in enumerate(reading):
+        p = (n + 1) % len(reading)
+        two = reading[p]
+        if p == n or one[2:] != two[2:]:
+            continue
+        low, high = sorted((one[1], two[1] + (segments if p <= n else 0.0)))
+        places = np.array([other[0] for other in reading])
+        between = np.floor((high - close - places) / segments)
+        between -= np.floor((low + close - places) / segments)
+        if between.sum() > 0 or high - low >= segments:
+            continue
+        # Leave out both, and the same two as the neighbour reads them.
+        away = (places[:, None] - [low, high]) / segments
+        same = (np.abs(away - np.round(away)) * segments < close).any(axis=1)
+        return [
+            other
+            for q, other in enumerate(reading)
+            if q not in (n, p) and not (same[q] and other[2] == -one[2])
+        ]
+    return None
 
 
 @dataclass(frozen=True)

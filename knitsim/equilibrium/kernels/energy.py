@@ -39,7 +39,6 @@ pressed = choose("scene.fixtures", add_cylinders, _nothing)
 turned = choose("scene.fixtures", add_couples, _nothing)
 
 
-@njit
 def new_work(scene):
     """Buffers for a scene."""
     rows, n = scene.map.rows.size, scene.load.size
@@ -55,6 +54,9 @@ def new_work(scene):
         np.zeros(1),
         Bent(np.zeros(2), np.zeros(rows)),
     )
+
+
+begin_work = njit(new_work)  # for kernels
 
 
 @leaf

@@ -34,7 +34,7 @@ from knitsim.equilibrium.kernels.accept import (
     step_to,
 )
 from knitsim.equilibrium.kernels.crossings import intact
-from knitsim.equilibrium.kernels.energy import energy_of, new_work
+from knitsim.equilibrium.kernels.energy import begin_work, energy_of
 from knitsim.equilibrium.kernels.friction import Slip
 from knitsim.equilibrium.kernels.newton import (
     CONVERGED,
@@ -329,7 +329,7 @@ def follow(scene, standing, targets, march, rub, trail):
     ``march.until`` is come upon, the state there is the last, and the status FOUND.  Returns the number
     of states reached, the reason of the end (a status) and the memory of friction at the end.
     """
-    work, control = new_work(scene), march.control
+    work, control = begin_work(scene), march.control
     y, force, past, memory = standing
     n = y.size
     first = y.copy()
