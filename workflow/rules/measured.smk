@@ -62,8 +62,6 @@ for target, on_request in (("", False), ("_all", None)) if PLAN.measured else ()
             log:
                 log_of(f"figures_measured{target}_{fabric}"),
             params:
-                group="measured",
-                of="fabric",
                 suffix=suffix,
                 source=source_hash("knitsim.figures.draw", *catalogue.modules("measured")),
             resources:

@@ -21,7 +21,6 @@ for drawing in PLAN.drawings():
         log:
             log_of(f"figures_{drawing.group}{drawing.suffix or '_first_' + drawing.of}"),
         params:
-            figures=[figure.name for figure in drawing.figures],
             suffix=lambda wildcards, drawing=drawing: drawing.suffix.format(**wildcards),
             source=source_hash("knitsim.figures.draw", *catalogue.modules(drawing.group)),
         wildcard_constraints:

@@ -33,8 +33,6 @@ rule figures_verification:
     log:
         log_of("figures_verification"),
     params:
-        group="verification",
-        of="study",
         suffix="",
         source=source_hash("knitsim.figures.draw", *catalogue.modules("verification")),
     resources:

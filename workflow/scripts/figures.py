@@ -8,8 +8,7 @@ with job(snakemake):
     from knitsim.figures.catalogue import FIGURES
     from knitsim.figures.draw import draw
 
-    files, suffix = dict(snakemake.input.items()), snakemake.params.suffix
-    figures = [figure for figure in FIGURES if figure.name in snakemake.params.figures]
-    directory = Path(snakemake.output[0]).parent
-    stems = {figure.name: directory / (figure.name + suffix) for figure in figures}
-    draw(figures, files, stems, snakemake.log[0])
+    stems = [Path(file).with_suffix("") for file in snakemake.output if file.endswith(".png")]
+    stems = {stem.name.removesuffix(snakemake.params.suffix): stem for stem in stems}
+    figures = [figure for figure in FIGURES if figure.name in stems]
+    draw(figures, dict(snakemake.input.items()), stems, snakemake.log[0])
