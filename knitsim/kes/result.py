@@ -26,6 +26,8 @@ KINDS = {
     ),
 }
 
+UNSURE = 0.2  # errors of reading above it, over the value, are said aloud
+
 
 class LeftOut(Exception):
     """A parameter that this curve does not give; the message is the reason."""
@@ -58,13 +60,15 @@ class Parameter:
 class Evaluation:
     """Parameters by name, the reasons for those left out by name, and how each pass was read.
 
-    ``evaluation["B"]`` is a :class:`Parameter`; KeyError with the reason if it was left out.
-    Printed, it is one line; :meth:`described` lists all of them with their definitions.
+    ``evaluation["B"]`` is a :class:`Parameter`; KeyError with the reason if it was left out.  at: the
+    force F_m of a tension test, in words.  Printed, it is one line, with what was read to worse than
+    20 %; :meth:`described` lists all of them with their definitions.
     """
 
     parameters: Mapping[str, Parameter]
     left_out: Mapping[str, str]
     read: tuple[str, ...]
+    at: str = ""
 
     def __getitem__(self, name):
         if name in self.left_out:
@@ -97,7 +101,10 @@ class Evaluation:
         for one in list(self.parameters.values())[:6]:
             unit = "" if one.kes_units == "1" else f" {one.kes_units}"
             told.append(f"{one.name} {one.kes_value:.3g}{unit}")
-        return f"<KES: {', '.join(told) or 'nothing could be read'}>"
+        unsure = [p.name for p in self.parameters.values() if not p.error <= UNSURE * abs(p.value)]
+        told = ", ".join(told) or "nothing could be read"
+        told += f"; too few points for: {', '.join(unsure)}" if unsure else ""
+        return f"<KES{self.at and f' at {self.at}'}: {told}>"
 
     def __str__(self):
         return repr(self)
@@ -141,9 +148,9 @@ class Collector:
         found = self.needed(*names)
         return tuple(sum(column) / len(found) for column in zip(*found, strict=True))
 
-    def result(self, read):
+    def result(self, read, at=""):
         return Evaluation(
-            MappingProxyType(self.parameters), MappingProxyType(self.left_out), tuple(read)
+            MappingProxyType(self.parameters), MappingProxyType(self.left_out), tuple(read), at
         )
 
 

@@ -6,7 +6,7 @@ from knitsim.errors import InputError
 from knitsim.errors import number as checked_number
 from knitsim.kes.result import Collector, LeftOut, shown
 from knitsim.kes.single_pass import Pass, checked, in_cycle, place, refuse_turns, runs_of
-from knitsim.units import to_si
+from knitsim.units import from_si, to_si
 
 STANDARD_FORCE = to_si(500.0, "gf_per_cm")
 KNIT_FORCE = to_si(50.0, "gf_per_cm")
@@ -128,7 +128,8 @@ def tension_of(
     found.add("LT", "ratio", linearity, f"WT/(F_m EMT/2), F_m = {at}")
     _add_recovery(found, loading, recovery, force, at, lacking)
     read = [f"loading: {loading}"]
-    return found.result(read if recovery is None else [*read, f"recovery: {recovery}"])
+    read += [] if recovery is None else [f"recovery: {recovery}"]
+    return found.result(read, f"{from_si(force, 'gf_per_cm'):.3g} gf/cm")
 
 
 def _add_recovery(found, loading, recovery, force, at, lacking):

@@ -12,7 +12,7 @@ from knitsim.equilibrium.accuracy import largest_error
 from knitsim.equilibrium.dataset import bend_dataset, pull_dataset
 from knitsim.equilibrium.pull import biaxial, shear
 from knitsim.equilibrium.result import BendingCurve, Curve
-from knitsim.equilibrium.whole_test import from_rest, pulled
+from knitsim.equilibrium.whole_test import from_rest
 from knitsim.kes.curl import Curl, curl
 from knitsim.library.rest import Rest
 from knitsim.library.result import Result, settings_text
@@ -96,10 +96,7 @@ class Pulled(Tested):
     def __init__(self, rest: Rest, fabric: Fabric, direction: str) -> None:
         choice = _choice(fabric, self.STAGE)
         start = rest.start(friction=choice["friction"])
-        curve = pulled(
-            start, direction, tension.strains_of(choice, direction, start),
-            **tension.conditions_of(choice), **settings_of(fabric).errors,
-        )  # fmt: skip
+        curve, _ = tension.tested(choice, direction, start, **settings_of(fabric).errors)
         super().__init__(rest, fabric, direction)
         self.curve: Curve = curve
 

@@ -7,6 +7,7 @@ import numpy as np
 from knitsim.equilibrium.dataset import pull_dataset
 from knitsim.equilibrium.programme import programme
 from knitsim.equilibrium.pull import tensile
+from knitsim.equilibrium.result import LOADING
 from knitsim.equilibrium.whole_test import from_rest, pulled
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import (
@@ -20,25 +21,50 @@ from knitsim.stages.memory import cycles_dataset, turns_of
 from knitsim.store.timing import Timings
 
 STAGE = "equilibrium_tension"
-BEYOND = 1.02  # times the strain that is reached
+# Times the strain at which a first pull has reached the force: finer steps may need a little more.
+BEYOND = (1.02, 1.1, 1.3)
+STEEP = 0.25  # of the force: a step over which it changes by more is divided
+DIVIDED = 3  # times at most
 # Strains at which the ledger follows the force.
 HEADLINE_STRAINS = (0.2, 0.6)
 
 
-def strains_of(choice, direction, relaxed):
-    """Strains up to the largest, or a little beyond that at which the force which ends the test is reached,
-    so that the states resolve the way to it.
+def _strains_to(curve, choice, top):
+    """Strains (n,) up to a little beyond that at which loading ended in a curve, the last force of the test.
+
+    These lie evenly along strain and force together, each over its last: a curve that runs steeply into
+    locking has states there too, between which it can be read.
     """
-    top, parts = (
-        choice[f"max_strain_{direction}"],
-        np.arange(1, choice["states"] + 1) / choice["states"],
-    )
-    if choice["to_force"] is not None:
-        once = conditions_of(choice) | {"recovery": False, "cycles": 1}
-        first = tensile(relaxed, direction, top * parts, **once)
-        if not first.stop_reason:
-            top = min(top, float(f"{BEYOND * first.strain.max():.3g}"))
-    return top * parts
+    strain, force = _loaded(curve)
+    way = strain / strain[-1] + force / force[-1]
+    even = np.interp(2.0 * np.arange(1, choice["states"]) / choice["states"], way, strain)
+    found = np.append(even, np.multiply(BEYOND, strain[-1]))
+    return np.unique([min(top, float(f"{one:.4g}")) for one in found])
+
+
+def _loaded(curve):
+    """Strain, and the largest force per width so far, from rest to the end of the first loading."""
+    first = (curve.phase == LOADING) & (curve.cycle <= 1)
+    force = np.maximum.accumulate(curve.force_per_width[first])
+    return np.append(0.0, curve.strain[first]), np.append(0.0, force)
+
+
+def _tensile(choice, direction, relaxed, **errors):
+    """(curve from rest on, its strains) of a tension test."""
+    top, test = choice[f"max_strain_{direction}"], conditions_of(choice)
+    strains = top * np.arange(1, choice["states"] + 1) / choice["states"]
+    if choice["to_force"] is None:
+        return pulled(relaxed, direction, strains, **test, **errors), strains
+    once = test | {"recovery": False, "cycles": 1}
+    curve = tensile(relaxed, direction, strains, **once)
+    for _ in range(DIVIDED):
+        if not curve.stop_reason:
+            strains = _strains_to(curve, choice, top)
+        curve = pulled(relaxed, direction, strains, **test, **errors)
+        _, force = _loaded(curve)
+        if curve.stop_reason or np.diff(force).max() <= STEEP * force[-1]:
+            break
+    return curve, strains
 
 
 def conditions_of(choice):
@@ -51,24 +77,21 @@ def _lateral(choice):
     return choice["lateral_load"] if choice["lateral"] == "loaded" else choice["lateral"]
 
 
-def tests_of(choice, direction, relaxed):
-    """(whole test from rest on, the test alone), functions of the fabric at rest; relaxed: one such."""
+def tested(choice, direction, relaxed, **errors):
+    """(curve of one condition from rest on, the same test alone as a function of the fabric at rest).
+
+    errors: arguments that ask for error estimates.
+    """
     lateral = _lateral(choice)
     if choice["programme"] is not None:
         alone = partial(
             programme, direction=direction, turns=turns_of(choice["programme"]) * choice["cycles"],
             lateral=lateral, states=choice["states"],
         )  # fmt: skip
-
-        def whole(relaxed, **errors):
-            curve = alone(relaxed, **errors)
-            return curve if choice["lateral"] == "loaded" else from_rest(curve)
-
-        return whole, alone
-    test = {
-        "direction": direction, "strains": strains_of(choice, direction, relaxed), **conditions_of(choice),
-    }  # fmt: skip
-    return partial(pulled, **test), partial(tensile, **test)
+        curve = alone(relaxed, **errors)
+        return curve if choice["lateral"] == "loaded" else from_rest(curve), alone
+    curve, strains = _tensile(choice, direction, relaxed, **errors)
+    return curve, partial(tensile, direction=direction, strains=strains, **conditions_of(choice))
 
 
 def _dataset(curve, cycles, steps):
@@ -106,8 +129,7 @@ def run(fabric, laws, direction):
             relaxed = at_rest(
                 fabric, laws["continuous"], settings.resolution, friction=choice["friction"]
             )
-            whole, alone = tests_of(choice, direction, relaxed)
-            curve = whole(relaxed, **settings.errors)
+            curve, alone = tested(choice, direction, relaxed, **settings.errors)
         curves[name] = curve
         timings.repeat(f"{name}, {curve.steps - 1} states from rest", partial(alone, curve.start))
     cycles = max(int(curve.cycle.max(initial=1)) for curve in curves.values())
