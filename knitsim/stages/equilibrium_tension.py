@@ -27,6 +27,7 @@ STEEP = 0.25  # of the force: a step over which it changes by more is divided
 DIVIDED = 3  # times at most
 # Strains at which the ledger follows the force.
 HEADLINE_STRAINS = (0.2, 0.6)
+SHORT = 0.6  # of the strain that is reached, where that is less
 
 
 def _strains_to(curve, choice, top):
@@ -107,9 +108,11 @@ def headlines(fabric, resolution, direction, reached=np.inf):
     choices = fabric.scene[STAGE]["variants"]
     first = next(iter(choices.values()))
     ends = reached if first["to_force"] is not None else np.inf
-    tests = {"": (first["friction"], [s for s in HEADLINE_STRAINS if s <= ends])}
+    # Of a fabric that comes to the force before them, one that it comes by.
+    strains = [s for s in HEADLINE_STRAINS if s <= ends] or [float(f"{SHORT * ends:.1g}")]
+    tests = {"": (first["friction"], strains)}
     if any(choice["friction"] for choice in choices.values()):
-        tests[", with friction"] = (True, HEADLINE_STRAINS[:1])
+        tests[", with friction"] = (True, strains[:1])
     found = {}
     for what, (friction, strains) in tests.items():
         relaxed = at_rest_again(fabric, resolution, friction=friction)

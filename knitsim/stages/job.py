@@ -34,7 +34,8 @@ def job(snakemake):
             sys.exit(f"knitsim: {error}")
         if isinstance(error, OSError):
             sys.exit(f"knitsim: {error.filename or snakemake.output[0]}: {error.strerror or error}")
-        raise
+        what = f"{snakemake.rule}: {type(error).__name__}: {error}"
+        sys.exit(f"knitsim: a fault of knitsim in {what}; its traceback: {log}")
 
 
 @contextmanager

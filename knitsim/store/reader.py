@@ -31,7 +31,7 @@ def open_store(
     direction=None,
     calibration=None,
 ):
-    """The store below ``root`` as a lazily read xarray.DataTree with one node a file.
+    """The store below ``root`` as an xarray.DataTree with one node a file; arrays are unpacked when used.
 
     Nodes are named as the files are: ``/tensile/<fabric>/kinematic_course``.  Every label given keeps
     the files whose attribute of that name has this value: kind (``yarn``, ``loop``, ``relaxed``,
@@ -58,10 +58,20 @@ def open_store(
         raise InputError(
             str(root), None, f"holds no result with {asked} ({there or 'it is empty'})"
         )
-    datasets = {name: xr.open_dataset(path, engine="netcdf4") for name, path in found.items()}
+    datasets = {name: _in_memory(path) for name, path in found.items()}
     tree = xr.DataTree.from_dict(datasets)
     tree.set_close(lambda: [dataset.close() for dataset in datasets.values()] and None)
     return tree
+
+
+def _in_memory(path):
+    """The dataset of a result file, which is read as a whole and closed.
+
+    A file that is open twice, and closed once, ends the next reading of its attributes in a crash of the
+    netCDF library.
+    """
+    file = netCDF4.Dataset(path.name, memory=path.read_bytes())
+    return xr.open_dataset(xr.backends.NetCDF4DataStore(file))
 
 
 def opened(files, **labels):
