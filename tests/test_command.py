@@ -165,17 +165,18 @@ def test_show_says_that_nothing_is_there(tmp_path):
 def test_one_fabric_on_the_screen_in_a_table_and_in_a_picture(tmp_path):
     files = tmp_path / "states.csv", tmp_path / "curves.png"
     status, out, _ = said(
-        "fabric", "--count", "Ne=30", "--loop-length-mm", "2.9", "--bending-rigidity-N-mm2", "0.002",
-        "--pull", "course=0.1", "--no-friction", "--tangential-stiffness-ratio", "0.8",
-        "--csv", str(files[0]), "--png", str(files[1]),
+        "fabric", "--count-Ne", "30", "--loop-length-mm", "2.9", "--bending-rigidity-N-mm2", "0.002",
+        "--courses-per-cm", "26", "--pull", "course=0.1", "--no-friction",
+        "--tangential-stiffness-ratio", "0.8", "--csv", str(files[0]), "--png", str(files[1]),
     )  # fmt: skip
     assert status == 0
     assert "<Yarn: 19.68 tex" in out and "<Rest:" in out and "<Pull course" in out and "EMT" in out
+    assert "note: 18" in out and "26 stated" in out and " g/m2" in out
     assert "assumed: " in out and "bending rigidity" not in out.partition("assumed: ")[2]
     assert "tangential" not in out
     with files[0].open(newline="") as file:
         states = list(csv.DictReader(file))
-    assert float(states[-1]["strain"]) == pytest.approx(0.1)
+    assert float(states[-1]["strain (1)"]) == pytest.approx(0.1)
     assert {state["test"] for state in states} == {"pull course"}
     assert files[1].read_bytes().startswith(b"\x89PNG")
 
@@ -198,6 +199,10 @@ def test_one_fabric_on_the_screen_in_a_table_and_in_a_picture(tmp_path):
         (("--count", "30/1", "--tightness-factor", "1.5"), ["tightness_factor = 1.5", "at least 2"]),
         (("--count", "30/1", "--loop-length-mm"), ["expected one argument"]),
         (("--count", "30/1", "--loop-length-mm", "2.9", "--shorter"), ["--shorter", "--KEY VALUE"]),
+        # No option by its beginning alone, which takes one for the other.
+        (("--count", "30/1", "--loop-length", "2.9"), ["fabric.loop_length:", "loop_length_mm"]),
+        (("--loop-length-mm", "2.9"), ["count_Ne", "is missing"]),
+        (("--count-tex", "20", "--fabric", "friction=0.3"), ["fabric.friction", "key of the yarn"]),
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_a_fabric_is_said_in_one_line(arguments, words):

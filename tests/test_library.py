@@ -281,6 +281,18 @@ def test_plots_are_in_textile_units(results):
     assert results["pull"].plot(given) is given
 
 
+def test_a_curve_that_locks_is_read_where_it_rises():
+    """A limp fabric takes hardly any force until its yarn is straight: work as the solver has done it."""
+    yarn = ks.Yarn(count="20 dtex", fibres=1, bending_rigidity_N_mm2=1e-6, density_g_per_cm3=1.14)
+    fabric = ks.Fabric(yarn, loop_length_mm=3.0)
+    pull = ks.pull(fabric, "course", to_force_gf_per_cm=50, friction=False)
+    found = ks.kes(pull)
+    assert "50 gf/cm" in repr(found) and "too few" not in repr(found)
+    assert np.diff(pull.force_per_width).max() < 0.25 * pull.force_per_width[-1]
+    area = pull.rest.wale_spacing * pull.rest.course_spacing
+    assert found["WT"].value == pytest.approx(pull.curve.work[-1] / area, rel=0.05)
+
+
 def test_kes_by_hand(rest):
     pull = ks.pull(rest, "course", to_force_gf_per_cm=20, recovery=True, states=60)
     found = ks.kes(pull)

@@ -10,9 +10,10 @@ import pytest
 import xarray as xr
 import yaml
 
+from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import ComputationError, InputError
-from knitsim.stages import equilibrium_rest
+from knitsim.stages import equilibrium_rest, equilibrium_tension
 from knitsim.stages.check import check_study
 from knitsim.stages.equilibrium import contact_of, solver_fabric
 from knitsim.stages.laws import FORMS, law_from, law_variables, laws_of, stated_law
@@ -64,6 +65,16 @@ def test_constants_per_filament_are_those_of_all_filaments_side_by_side():
     assert law.initial_stiffness == pytest.approx(72 * 6.34)
     assert law.tension_at(0.05) == pytest.approx(72 * (6.34 * 0.02 + 2.41 * 0.03))
     assert law.plastic
+
+
+def test_a_fabric_that_soon_comes_to_its_force_is_followed_before_it(study):
+    test = {"variants": {"kes": {"friction": True, "to_force_gf_per_cm": 50}}}
+    scenes = SCENES | {"paper_fabric": {"equilibrium_rest": {}, "equilibrium_tension": test}}
+    fabric = study(scenes=scenes).fabrics["f"]
+    for reached, at in ((0.0575, "3"), (0.147, "9"), (0.3, "20")):
+        found = equilibrium_tension.headlines(fabric, Resolution(24), "wale", reached)
+        assert [name.split(" % ")[0] for name in found] == [f"force per width at {at}"] * 2
+        assert all(np.isfinite(value) for value, _ in found.values())
 
 
 def test_effects_are_those_of_running_again(study):

@@ -36,7 +36,9 @@ def parser():
     top.add_argument("--version", action="version", version=f"knitsim {knitsim.__version__}")
     parts = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (module, about) in COMMANDS.items():
-        part = parts.add_parser(name, help=about, description=about, add_help=bool(module))
+        part = parts.add_parser(
+            name, help=about, description=about, add_help=bool(module), allow_abbrev=False
+        )
         if module:
             getattr(import_module(f"knitsim.command.{module}"), f"{name}_options")(part)
     return top

@@ -15,7 +15,6 @@ FABRIC = {
     "mass_per_area_g_per_m2": "", "set": "0, a straight yarn, to 1",
 }  # fmt: skip
 DIRECTIONS = ("course", "wale")
-APART = 0.15  # of the stated density: that at rest is said to be another
 
 
 def fabric_options(parser):
@@ -26,9 +25,7 @@ def fabric_options(parser):
         "--wales-per-inch 36, --pattern rib_1x1, or --yarn KEY=VALUE, --fabric KEY=VALUE.  What is not "
         "stated is assumed, and said so."
     )
-    parser.add_argument(
-        "--count", metavar="30/1 or Ne=30", required=True, help="Ne, Nm, tex, dtex, den"
-    )
+    parser.add_argument("--count", metavar="30/1 or Ne=30", help="Ne, Nm, tex, dtex, den")
     for name, about in (*YARN.items(), *FABRIC.items()):
         parser.add_argument(_flag(name), metavar="VALUE", help=about or None, dest=name)
     parser.add_argument("--yarn", action="append", default=[], metavar="KEY=VALUE")
@@ -52,6 +49,7 @@ def _flag(name):
 def fabric(given, more):
     """Compute the fabric and print it; more: options that are keys of a yarn or a fabric."""
     import knitsim as ks
+    from knitsim.stages.summary import far_from_stated
 
     for file, ending in ((given.csv, ".csv"), (given.png, ".png")):
         if file and Path(file).suffix.lower() != ending:
@@ -59,14 +57,17 @@ def fabric(given, more):
         if file and not Path(file).absolute().parent.is_dir():
             raise InputError(file, None, f"there is no directory {Path(file).parent}")
     of_yarn, of_fabric = _options(more)
-    yarn = ks.Yarn(**_count(given.count), **_keys(given, YARN, [*given.yarn, *of_yarn]))
+    yarn = ks.Yarn(
+        **_count(given.count) if given.count else {}, **_keys(given, YARN, [*given.yarn, *of_yarn])
+    )
     made = ks.Fabric(yarn, **_keys(given, FABRIC, [*given.fabric, *of_fabric]))
     tests = [_pull(ks, one, not given.no_friction) for one in given.pull]
     tests += [ks.Bend(direction, friction=not given.no_friction) for direction in given.bend]
     tests += [ks.Shear(friction=not given.no_friction)] if given.shear else []
     print(yarn, made, sep="\n")
     rest = ks.relax(made, accuracy=given.accuracy and _value(given.accuracy))
-    print(rest, *_apart(made, rest), sep="\n", flush=True)
+    notes = far_from_stated(made, rest.wale_spacing, rest.course_spacing)
+    print(rest, *(f"note: {one}" for one in notes), sep="\n", flush=True)
     results = []
     for test in tests:
         results.append(test.run(rest))
@@ -105,19 +106,6 @@ def _options(more):
         key = (yarn if of_yarn else fabric).get(name, name)
         found[0 if of_yarn else 1].append(f"{key}={value if sign else words.pop(0)}")
     return found
-
-
-def _apart(made, rest):
-    """A line for a spacing at rest that is far from the stated one."""
-    for quantity, what in (("wale_spacing", "wales"), ("course_spacing", "courses")):
-        stated = 1e-2 / made[quantity] if made.is_stated(quantity) else None
-        now = 1e-2 / getattr(rest, quantity)
-        if stated and abs(now / stated - 1.0) > APART:
-            inch = ", per inch?" if abs(stated / now - 2.54) < 0.6 else ""
-            yield (
-                f"note: {now:.3g} {what} per cm at rest, {stated:.3g} stated{inch}; tests begin at rest: "
-                "was the fabric relaxed, is the loop length right?"
-            )
 
 
 def _count(text):
@@ -175,6 +163,9 @@ def _write_csv(results, file):
     frames = []
     for result in results:
         frame = result.to_dataframe()
+        about = result.to_dataset().variables
+        units = {name: one.attrs.get("units") for name, one in about.items()}
+        frame = frame.rename(columns={n: f"{n} ({units[n]})" for n in frame if units.get(n)})
         kind = getattr(result, "KIND", "rest")
         frame.insert(0, "test", f"{kind} {getattr(result, 'direction', '')}".strip())
         frames.append(frame)
@@ -188,9 +179,8 @@ def _draw(results, file):
     from knitsim.files import replacing
 
     with style.context():
-        fig, axes = style.figure(
-            height_mm=70.0, columns=min(3, len(results)), rows=-(-len(results) // 3)
-        )
+        rows = -(-len(results) // 2)
+        fig, axes = style.figure(height_mm=65.0 * rows, columns=min(2, len(results)), rows=rows)
         for result, ax in zip(results, axes.flat, strict=False):
             result.plot(ax)
         for ax in axes.flat[len(results) :]:

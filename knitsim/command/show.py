@@ -13,6 +13,7 @@ TABLE = "tables/summary.csv"
 SHOWN = (
     ("w x c stated", "mm", ("stated_wale_spacing_mm", "stated_course_spacing_mm")),
     ("at rest", "mm", ("rest_wale_spacing_mm", "rest_course_spacing_mm")),
+    ("mass", "g/m2", ("rest_mass_per_area_g_per_m2",)),
     ("strain at 50", "gf/cm, %", "strain_at_50_gf_per_cm_percent"),
     ("residual", "%", "residual_strain_percent"),
     ("B", "gf cm2/cm", "B_gf_cm2_per_cm"),
@@ -73,7 +74,8 @@ def lines_of(rows, results, width=110):
                 at = row[f"force_at_percent_{direction}"]
                 lines.append(f"{row['fabric']}, {direction}: {force} gf/cm at {at} %")
         for name, why in (
-            ("stopped", row["stopped"]), ("not read", row["left_out"]), ("measured", row.get("measured", "")),
+            ("note", row.get("note", "")), ("stopped", row["stopped"]), ("not read", row["left_out"]),
+            ("measured", row.get("measured", "")),
         ):  # fmt: skip
             for one in filter(None, why.split("; ")):
                 lines += wrap(f"{row['fabric']}: {name}: {one}", width, subsequent_indent="    ")
@@ -87,5 +89,5 @@ def lines_of(rows, results, width=110):
 def _cell(row, columns):
     if isinstance(columns, str):
         columns = [f"{columns}_{direction}" for direction in DIRECTIONS]
-    values = [row[column] for column in columns]
+    values = [row.get(column, "") for column in columns]  # of an older table, too
     return " / ".join(value or NONE for value in values) if any(values) else NONE

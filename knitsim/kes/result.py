@@ -26,6 +26,8 @@ KINDS = {
     ),
 }
 
+MAIN = ("EMT", "WT", "LT", "RT", "B", "2HB", "G", "2HG")  # whose lack is said aloud
+NO_RECOVERY = "the test has no recovery"
 UNSURE = 0.2  # errors of reading above it, over the value, are said aloud
 
 
@@ -104,6 +106,12 @@ class Evaluation:
         unsure = [p.name for p in self.parameters.values() if not p.error <= UNSURE * abs(p.value)]
         told = ", ".join(told) or "nothing could be read"
         told += f"; too few points for: {', '.join(unsure)}" if unsure else ""
+        lacking = {
+            n: self.left_out[n]
+            for n in MAIN
+            if NO_RECOVERY not in self.left_out.get(n, NO_RECOVERY)
+        }
+        told += "".join(f"; no {name}: {why}" for name, why in lacking.items())
         return f"<KES{self.at and f' at {self.at}'}: {told}>"
 
     def __str__(self):

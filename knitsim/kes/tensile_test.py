@@ -4,7 +4,7 @@ import numpy as np
 
 from knitsim.errors import InputError
 from knitsim.errors import number as checked_number
-from knitsim.kes.result import Collector, LeftOut, shown
+from knitsim.kes.result import NO_RECOVERY, Collector, LeftOut, shown
 from knitsim.kes.single_pass import Pass, checked, in_cycle, place, refuse_turns, runs_of
 from knitsim.units import from_si, to_si
 
@@ -67,7 +67,7 @@ def tension(
             raise InputError(place(source, "start"), start, right)
         points = _prepended(start, points)
     loading = Pass(*points, names=NAMES, source=source, rule=rule)
-    lacking = "the test has no recovery"
+    lacking = NO_RECOVERY
     if back[0].size == 1:
         lacking = "recovery has a single point; it needs two, of more states"
     if back[0].size > 1:
@@ -79,7 +79,7 @@ def tension(
 
 
 def tension_of(
-    loading, recovery=None, *, max_force=STANDARD_FORCE, lacking="the test has no recovery"
+    loading, recovery=None, *, max_force=STANDARD_FORCE, lacking=NO_RECOVERY
 ):  # fmt: skip
     """KES tensile parameters of two passes (:class:`knitsim.kes.single_pass.Pass`).
 

@@ -53,7 +53,9 @@ def _gf(force: Any) -> Any:
 
 
 def _label(ax: Axes, x: str, y: str) -> None:
-    ax.set_xlabel(x)
+    # Two directions on one pair of axes.
+    both = ax.get_xlabel().startswith("Strain") and ax.get_xlabel() != x
+    ax.set_xlabel("Strain (%)" if both else x)
     ax.set_ylabel(y)
     ax.spines[["top", "right"]].set_visible(False)
 
@@ -69,7 +71,8 @@ def _line(ax: Axes, result: Tested, x: Any, y: Any, colour: str, **options: Any)
     for first, last in itertools.pairwise(ends):
         kind = kinds.get(int(phase[first]), "recovery")
         own = slice(max(first - 1, 0), last)
-        name = label if label and not seen else kind if kind not in seen and not label else None
+        whole = f"{result.direction}, {kind}" if result.direction else kind
+        name = label if label and not seen else whole if kind not in seen and not label else None
         ax.plot(x[own], y[own], **{"linestyle": LINES[kind], **style, "label": name})
         seen.add(kind)
     if len(seen) > 1 and not label:

@@ -66,6 +66,12 @@ class Rest(Result):
         """Munden's constant: loop length over wale spacing."""
         return float(self.fabric["loop_length"]) / self.wale_spacing
 
+    @property
+    def mass_per_area(self) -> float:
+        """Mass per area (kg/m2): count times loop length over the area of a loop."""
+        mass = float(self.fabric.yarn["linear_density"] * self.fabric["loop_length"])
+        return mass / (self.wale_spacing * self.course_spacing)
+
     def _dataset(self) -> xr.Dataset:
         dataset = rest_dataset(self.fabric, self.state, self.error)
         described: xr.Dataset = describe_stage(
@@ -80,7 +86,8 @@ class Rest(Result):
         w, c = 1e3 * self.wale_spacing, 1e3 * self.course_spacing
         return (
             f"<Rest: {w:.3f} x {c:.3f} mm, {10 / w:.1f} wales and {10 / c:.1f} courses per cm, "
-            f"kc {self.kc:.2f}, kw {self.kw:.2f}, error {100 * self.error:.1g} %"
+            f"kc {self.kc:.2f}, kw {self.kw:.2f}, {1e3 * self.mass_per_area:.3g} g/m2, "
+            f"error {100 * self.error:.1g} %"
             f"{', jammed: the loop is too short for so thick a yarn' if self.state.jammed else ''}>"
         )
 
@@ -105,7 +112,7 @@ def relax(
     >>> yarn = ks.Yarn(count_tex=19.7, bending_rigidity_N_mm2=2e-3)
     >>> rest = ks.relax(ks.Fabric(yarn, wales_per_cm=14, courses_per_cm=20, loop_length_mm=2.9))
     >>> rest
-    <Rest: 0.750 x 0.543 mm, 13.3 wales and 18.4 courses per cm, kc 5.34, kw 3.87, error 0.0009 %>
+    <Rest: 0.750 x 0.543 mm, 13.3 wales and 18.4 courses per cm, kc 5.34, kw 3.87, 140 g/m2, error 0.0009 %>
     """
     keys = {"accuracy": accuracy, "points": points, "cell": cell}
     if not isinstance(fabric, Fabric):

@@ -22,13 +22,16 @@ READ = (
     ("bending", "M0", "curl_moment_gf_cm_per_cm"),
 )
 SPACINGS = ("wale_spacing", "course_spacing")
+FAR = 0.15  # of the stated density: that at rest is said to be another
 LOUD = 20.0  # per cent of numerical error above which nothing should be built on a test
 COLUMNS = (
     "fabric", "yarn",
     *(f"{state}{name}_mm" for name in SPACINGS for state in ("stated_", "rest_")),
+    "rest_mass_per_area_g_per_m2",
     *(f"{name}_{direction}" for _, _, name in READ for direction in DIRECTIONS),
     *(f"force_at_{what}_{d}" for d in DIRECTIONS for what in ("largest_strain_gf_per_cm", "percent")),
     "largest_numerical_error_percent", "condition", "measured", "left_out", "stopped",
+    "note",
 )  # fmt: skip
 _FIRST = ("kes", "friction")  # names of the default conditions with friction
 
@@ -46,6 +49,10 @@ def write_summary(study, results, kes, path):
         if kind == "relaxed":
             for name in SPACINGS:
                 row[f"rest_{name}_mm"] = f"{1e3 * float(dataset[name]):.4g}"
+            row["rest_mass_per_area_g_per_m2"] = f"{1e3 * float(dataset['areal_mass']):.4g}"
+            row["note"] += far_from_stated(
+                study.fabrics[row["fabric"]], *map(dataset.get, SPACINGS)
+            )
         if (
             model == "equilibrium"
             and "numerical_error" in dataset
@@ -69,14 +76,31 @@ def write_summary(study, results, kes, path):
     for row in rows.values():
         if not (row["model"] or row["condition"] or row["left_out"] or row["stopped"]):
             row["left_out"].append("its scene has no tension or bending test")
-        for name in ("left_out", "stopped", "condition", "measured"):
+        for name in ("left_out", "stopped", "condition", "measured", "note"):
             row[name] = "; ".join(dict.fromkeys(row[name]))
     write_csv(path, COLUMNS, list(rows.values()))
 
 
+def far_from_stated(fabric, wale_spacing, course_spacing):
+    """Lines for spacings at rest (m) that are far from those stated."""
+    found = []
+    now = {"wale_spacing": wale_spacing, "course_spacing": course_spacing}
+    for quantity, what in zip(SPACINGS, ("wales", "courses"), strict=True):
+        if not fabric.is_stated(quantity):
+            continue
+        stated, rest = 1e-2 / fabric[quantity], 1e-2 / float(now[quantity])
+        if abs(rest / stated - 1.0) > FAR:
+            inch = ", per inch?" if abs(stated / rest - 2.54) < 0.6 else ""
+            found.append(
+                f"{rest:.3g} {what} per cm at rest, {stated:.3g} stated{inch}: tests begin at rest; was the "
+                "fabric relaxed, is the loop length right?"
+            )
+    return found
+
+
 def _stated(fabric):
     row = dict.fromkeys(COLUMNS, "") | {"fabric": fabric.name, "yarn": fabric.yarn.name}
-    row |= {"left_out": [], "stopped": [], "condition": [], "measured": [], "model": {}}
+    row |= {"left_out": [], "stopped": [], "condition": [], "measured": [], "model": {}, "note": []}
     for name in SPACINGS:
         if fabric.values.get(name) is not None:
             row[f"stated_{name}_mm"] = f"{1e3 * fabric[name]:.5g}"
