@@ -49,7 +49,7 @@ def _flag(name):
 def fabric(given, more):
     """Compute the fabric and print it; more: options that are keys of a yarn or a fabric."""
     import knitsim as ks
-    from knitsim.stages.summary import far_from_stated
+    from knitsim.study.trade import far_from_stated
 
     for file, ending in ((given.csv, ".csv"), (given.png, ".png")):
         if file and Path(file).suffix.lower() != ending:

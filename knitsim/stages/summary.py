@@ -10,6 +10,7 @@ from knitsim.store.reader import opened, stopped
 from knitsim.store.results import DIRECTIONS
 from knitsim.store.tensile import counted_error
 from knitsim.store.timing import write_csv
+from knitsim.study.trade import far_from_stated
 from knitsim.units import from_si
 
 LOAD = "50 gf/cm"  # the largest force of a tensile test of a knitted fabric
@@ -22,7 +23,6 @@ READ = (
     ("bending", "M0", "curl_moment_gf_cm_per_cm"),
 )
 SPACINGS = ("wale_spacing", "course_spacing")
-FAR = 0.15  # of the stated density: that at rest is said to be another
 LOUD = 20.0  # per cent of numerical error above which nothing should be built on a test
 COLUMNS = (
     "fabric", "yarn",
@@ -79,23 +79,6 @@ def write_summary(study, results, kes, path):
         for name in ("left_out", "stopped", "condition", "measured", "note"):
             row[name] = "; ".join(dict.fromkeys(row[name]))
     write_csv(path, COLUMNS, list(rows.values()))
-
-
-def far_from_stated(fabric, wale_spacing, course_spacing):
-    """Lines for spacings at rest (m) that are far from those stated."""
-    found = []
-    now = {"wale_spacing": wale_spacing, "course_spacing": course_spacing}
-    for quantity, what in zip(SPACINGS, ("wales", "courses"), strict=True):
-        if not fabric.is_stated(quantity):
-            continue
-        stated, rest = 1e-2 / fabric[quantity], 1e-2 / float(now[quantity])
-        if abs(rest / stated - 1.0) > FAR:
-            inch = ", per inch?" if abs(stated / rest - 2.54) < 0.6 else ""
-            found.append(
-                f"{rest:.3g} {what} per cm at rest, {stated:.3g} stated{inch}: tests begin at rest; was the "
-                "fabric relaxed, is the loop length right?"
-            )
-    return found
 
 
 def _stated(fabric):

@@ -139,3 +139,23 @@ MEANT = {
     **dict.fromkeys(("bending_stiffness", "flexural_rigidity", "ei", "bending_rigidity"),
                     ("bending_rigidity_N_mm2",)),
 }  # fmt: skip
+
+
+FAR = 0.15  # of the stated density: that at rest is said to be another
+
+
+def far_from_stated(fabric, wale_spacing, course_spacing):
+    """Lines for spacings at rest (m) that are far from those stated."""
+    found = []
+    now = {"wale_spacing": wale_spacing, "course_spacing": course_spacing}
+    for quantity, what in (("wale_spacing", "wales"), ("course_spacing", "courses")):
+        if not fabric.is_stated(quantity):
+            continue
+        stated, rest = 1e-2 / fabric[quantity], 1e-2 / float(now[quantity])
+        if abs(rest / stated - 1.0) > FAR:
+            inch = ", per inch?" if abs(stated / rest - 2.54) < 0.6 else ""
+            found.append(
+                f"{rest:.3g} {what} per cm at rest, {stated:.3g} stated{inch}: tests begin at rest; was the "
+                "fabric relaxed, is the loop length right?"
+            )
+    return found
