@@ -49,6 +49,10 @@ def write_summary(study, results, kes, path):
         if kind == "relaxed":
             for name in SPACINGS:
                 row[f"rest_{name}_mm"] = f"{1e3 * float(dataset[name]):.4g}"
+            apart = 100.0 * float(dataset["spacing_error"])
+            if not apart <= LOUD:
+                known = f"up to {apart:.2g} %" if np.isfinite(apart) else "not known"
+                row["stopped"].append(f"at rest: the numerical error of its spacings is {known}")
             row["rest_mass_per_area_g_per_m2"] = f"{1e3 * float(dataset['areal_mass']):.4g}"
             row["note"] += far_from_stated(
                 study.fabrics[row["fabric"]], *map(dataset.get, SPACINGS)

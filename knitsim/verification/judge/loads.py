@@ -57,6 +57,7 @@ GAUSS, FINE_GAUSS = 3, 8  # points per span that the method states; finer ones
 # Finer contact points, that count by the law itself: over those of the method, over a diameter, over the
 # width of the closest contact; at most a loop.
 FINE_CONTACTS, DENSE, NARROW, MOST_FINE = 4, 40, 1.5, 12000
+FINER = "slope of the energy by finer integrals is another"
 INSIDE = "cores are inside each other"
 KEPT = 4  # shapes
 MEASURED, LOOKED = 24, 6  # states whose forces, and whose finer integrals are measured
@@ -430,8 +431,7 @@ class Loads:
             )
             said = np.maximum(TIMES * said, LEAST_FINE * self.scale[ends])
             limit = np.maximum(said, LEAST_OF_ALL * self.largest).mean() * self.size[i] + noise[i]
-            check = "slope of the energy by finer integrals is another"
-            yield from above(check, abs(off), limit, int(i) + 1)
+            yield from above(FINER, abs(off), limit, int(i) + 1)
 
 
 def _worst(check, state, off, limit):
