@@ -13,16 +13,15 @@ fabric finds its next state, and so on until it is stable.
 (4, 2, 1)
 """
 
-from functools import partial
-
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, eigsh
 from scipy.spatial import cKDTree
 
 from knitsim.equilibrium.cell import loops_of, owners, reach_of, symmetries_of
 from knitsim.equilibrium.fabric import Resolution
 from knitsim.equilibrium.kernels.energy import energy_of, new_work
+from knitsim.equilibrium.kernels.newton import factorise, solve_factored
 from knitsim.equilibrium.kernels.pairs import pairs_at
 from knitsim.equilibrium.kernels.records import LATTICE
 from knitsim.equilibrium.model import build_model, carried, centrelines
@@ -51,10 +50,10 @@ def lowest_mode(model, y):
     energy_of(model.scene, y, pairs, model.at_ease, np.int64(2), work)
     hessian = work.hessian[np.ix_(free, free)].copy()
     whole = model.cell.whole
-    place = np.zeros((len(whole.rows), y.size))
-    place[owners(whole), whole.entries.column] = whole.entries.value
-    place[-LATTICE:] *= np.sqrt(model.cell.points)
-    value, vector = _lowest(hessian, (place.T @ place)[np.ix_(free, free)])
+    rows, value = owners(whole), whole.entries.value.copy()
+    value[rows >= len(whole.rows) - LATTICE] *= np.sqrt(model.cell.points)
+    place = csr_array((value, (rows, whole.entries.column)), shape=(len(whole.rows), y.size))
+    value, vector = _lowest(hessian, (place.T @ place).toarray()[np.ix_(free, free)])
     mode = np.zeros(y.size)
     mode[free] = vector
     moved = np.append((place @ mode)[:-LATTICE], mode[-LATTICE:-1])
@@ -65,14 +64,18 @@ def lowest_mode(model, y):
 
 def _lowest(hessian, mass):
     """Lowest eigenvalue and its vector, by Lanczos' method from a shift below it, where there is a factor."""
-    shift = SHIFT * hessian.diagonal().max()
-    while True:
-        try:
-            factor = cho_factor(hessian + shift * mass)
-            break
-        except LinAlgError:
-            shift *= SHIFTED
-    solve = LinearOperator(hessian.shape, matvec=partial(cho_solve, factor), dtype=float)
+    shift, n = SHIFT * hessian.diagonal().max(), np.arange(len(hessian))
+    # Not by LAPACK, whose threads wait for each other, forty times as long on a busy machine.
+    factor = np.zeros_like(hessian)
+    while not factorise(hessian + shift * mass, n, 0.0, factor):
+        shift *= SHIFTED
+
+    def solved(right):
+        found = right.ravel().copy()
+        solve_factored(factor, found)
+        return found
+
+    solve = LinearOperator(hessian.shape, matvec=solved, dtype=float)
     start = np.random.default_rng(0).standard_normal(len(hessian))
     value, vector = eigsh(hessian, k=1, M=mass, sigma=-shift, OPinv=solve, v0=start)
     return value[0], vector[:, 0]
