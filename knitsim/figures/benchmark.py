@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from knitsim.figures import style
 from knitsim.figures.panels import heading, letter, note
@@ -51,7 +51,10 @@ def run_time_against_error(rows):
             ax.axhline(target, color=style.GREY, linewidth=0.5, linestyle=":")
         ax.set_xscale("log")
         ax.set_yscale("log")
-        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        least, most = ax.get_xlim()
+        # Less than a decade: a few even numbers, which do not touch.
+        few = most < 5.0 * least
+        ax.xaxis.set_major_locator(MaxNLocator(5) if few else LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{1e3 * x:g}"))
         ax.xaxis.set_minor_formatter(NullFormatter())
         letter(ax, text, title)
