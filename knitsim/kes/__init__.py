@@ -1,5 +1,8 @@
 """KES parameters (Kawabata Evaluation System) of any curve, simulated or measured.
 
+``knitsim.kes(test, to_force_gf_per_cm=None)`` reads a pull, bend, shear or measured test: of a pull EMT, LT,
+WT and RT up to 50 gf/cm where it comes so far, else up to its largest force.
+
 >>> import numpy as np
 >>> from knitsim import kes
 >>> strain = np.concatenate([np.linspace(0, 0.1, 101), np.linspace(0.1, 0, 101)[1:]])
@@ -13,7 +16,7 @@ Three functions take the arrays of a test in SI, as they stand in a result file 
 :func:`shear`; ``tension_of``, ``bending_of`` and ``shear_of`` take single passes, which may also be
 functions (:class:`FunctionPass`).  Each gives an :class:`Evaluation`: parameters in SI and gf units
 with the definition used and an error estimate, and the reason for each parameter left out.  Nothing
-is extrapolated.  Called, the module is the function of the library, :func:`knitsim.library.kes.kes`.
+is extrapolated.  Called, the module is that function of the library, :func:`knitsim.library.kes.kes`.
 """
 
 import sys

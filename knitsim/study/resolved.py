@@ -2,6 +2,7 @@
 
 import copy
 import json
+from collections.abc import Mapping
 from types import MappingProxyType
 
 from knitsim import units
@@ -55,6 +56,9 @@ class Resolved:
         """The SI value of a quantity; dots lead into sections.  Raises KeyError."""
         value = self.values
         for part in path.split("."):
+            if not isinstance(value, Mapping) or part not in value:
+                known = ", ".join(value) if isinstance(value, Mapping) else "nothing below it"
+                raise KeyError(f"{path}: values are in SI, by their name without unit: {known}")
             value = value[part]
         return value
 

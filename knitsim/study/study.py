@@ -260,7 +260,8 @@ def _files(resolved, section):
             (folder / file for folder in resolved._folders if (folder / file).is_file()), None
         )
         if at is None:
-            looked = ", ".join(dict.fromkeys(folder.as_posix() for folder in resolved._folders))
+            looked = dict.fromkeys(folder.as_posix() for folder in resolved._folders)
+            looked = ", ".join("the study" if folder == "." else folder for folder in looked)
             raise InputError(key, shown(file), f"no such file in {looked}")
         found.append(at)
     return found
