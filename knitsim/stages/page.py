@@ -180,6 +180,7 @@ def _notes(rows, fabric):
     if row is None:
         return []
     kinds = (
+        ("note", "Note"),
         ("stopped", "Stopped"),
         ("left_out", "Not read"),
         ("measured", "Beside what was measured"),

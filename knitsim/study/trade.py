@@ -155,7 +155,7 @@ def far_from_stated(fabric, wale_spacing, course_spacing):
         if abs(rest / stated - 1.0) > FAR:
             inch = ", per inch?" if abs(stated / rest - 2.54) < 0.6 else ""
             found.append(
-                f"{rest:.3g} {what} per cm at rest, {stated:.3g} stated{inch}: tests begin at rest; was the "
+                f"{rest:.3g} {what} per cm at rest, {stated:.3g} stated{inch}: tests begin at rest. Was the "
                 "fabric relaxed, is the loop length right?"
             )
     return found
