@@ -9,8 +9,8 @@ import numpy as np
 from knitsim.equilibrium.contact import BarrierContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.model import rubbing
-from knitsim.equilibrium.relax import relax
-from knitsim.errors import InputError
+from knitsim.equilibrium.relax import REASONS, TOO_CLOSE, relax
+from knitsim.errors import ComputationError, InputError
 from knitsim.measured.read import read_entry
 from knitsim.stages.laws import ledger_laws
 from knitsim.stages.ledger import effect_dataset
@@ -82,6 +82,11 @@ def named_by_key(fabric, law=None):
         if law is not None and error.where in ROOM:
             right += f"; {remedies(fabric, lambda changed: solver_fabric(changed, law))}"
         raise InputError(*given.stated(quantity), right) from error
+    except ComputationError as error:
+        if law is None or REASONS[TOO_CLOSE] not in str(error):
+            raise
+        cure = remedies(fabric, lambda changed: solver_fabric(changed, law))
+        raise ComputationError(f"{error}: a short loop for so thick a yarn; {cure}") from error
 
 
 @dataclass(frozen=True)
