@@ -26,7 +26,7 @@ from knitsim.study.measured_keys import PARAMETERS
 
 _BESIDE = ("wale_spacing", "course_spacing", "bending_hysteresis", "tangential_ratio")
 _PARTS = (1, 2, 4, 8, 16)  # into which a change of inputs is split
-PRESSED = 3.0  # contact points of a fabric that is fitted, over those at rest
+PRESSED = 2.0  # contact points of a fabric that is fitted, over those at rest
 MOVED = 1e-5  # diameters that an unknown is moved for d2E/dy2
 EXACT, ROUNDS = 1e-4, 5  # of what is solved with it: residual, steps
 DIFFERENCE = 1e-5  # relative change of an input for dg/dp at a fixed shape

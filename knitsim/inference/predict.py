@@ -9,6 +9,7 @@ model leaves out.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -205,10 +206,13 @@ class Predictor:
 
         def solve(relaxed, estimate_error=False):
             strains = strains_for(SMALLEST, EVENLY, STATES)
-            curve = tensile(
-                relaxed, direction, strains, to_force=float(forces[-1]), lateral=lateral,
-                estimate_error=estimate_error, refine=estimate_error,
-            )  # fmt: skip
+            pull = partial(
+                tensile, relaxed, direction, strains, to_force=float(forces[-1]), lateral=lateral
+            )
+            curve = pull(estimate_error=estimate_error, refine=estimate_error)
+            if curve.stop_reason and not estimate_error:
+                # Pressed closer than the contact points of all sides tell: with more of them.
+                curve = pull()
             pulled = Pull(
                 curve, relaxed, np.concatenate([[0.0], curve.strain]),
                 np.concatenate([[0.0], curve.force_per_width]),
