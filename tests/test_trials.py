@@ -208,8 +208,6 @@ def test_yarns_that_meet_within_a_step_rub():
         ("bending_campaign", 91603, 37),  # snaps, on the way out and on the way back
         ("stress", 91301, 352),  # pressed on to its core: the error of the contact points is told
         ("stress", 91702, 511),  # yarns first touch within a step that is halved
-        ("stress", 92912, 75),  # small strains: what finer integrals change is told just after
-        ("stress", 91702, 96),  # another shape at rest by finer points, whose error is told: 45 %
     ],
 )
 def test_cases_that_were_wrong_are_right(campaign, seed, number):

@@ -65,7 +65,7 @@ def lowest_mode(model, y):
 def _lowest(hessian, mass):
     """Lowest eigenvalue and its vector, by Lanczos' method from a shift below it, where there is a factor."""
     shift, n = SHIFT * hessian.diagonal().max(), np.arange(len(hessian))
-    # Not by LAPACK, whose threads wait for each other, forty times as long on a busy machine.
+    # Not by LAPACK, whose threads wait for each other: a rib's rest took 2.2 s of CPU so on a busy machine.
     factor = np.zeros_like(hessian)
     while not factorise(hessian + shift * mass, n, 0.0, factor):
         shift *= SHIFTED

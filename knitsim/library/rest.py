@@ -11,7 +11,7 @@ from knitsim.errors import InputError
 from knitsim.library.result import Result, settings_text
 from knitsim.stages.described import describe_stage
 from knitsim.stages.equilibrium import named_by_key, settings_of, solver_fabric
-from knitsim.stages.equilibrium_rest import STAGE, rest_dataset
+from knitsim.stages.equilibrium_rest import STAGE, mass_per_area, rest_dataset
 from knitsim.stages.laws import calibration_of, laws_of
 from knitsim.study.check import check_value
 from knitsim.study.schema import SCENE
@@ -69,8 +69,7 @@ class Rest(Result):
     @property
     def mass_per_area(self) -> float:
         """Mass per area (kg/m2): count times loop length over the area of a loop."""
-        mass = float(self.fabric.yarn["linear_density"] * self.fabric["loop_length"])
-        return mass / (self.wale_spacing * self.course_spacing)
+        return float(mass_per_area(self.fabric, self.state))
 
     def _dataset(self) -> xr.Dataset:
         dataset = rest_dataset(self.fabric, self.state, self.error)

@@ -60,6 +60,12 @@ def _over_loop_length(fabric, law, resolution):
     return sets, factors * fabric["loop_length"], spacings, reasons
 
 
+def mass_per_area(fabric, relaxed):
+    """Mass per area (kg/m2) of a FabricInput at rest: count times loop length over the area of a loop."""
+    mass = fabric.yarn["linear_density"] * fabric["loop_length"]
+    return mass / (relaxed.wale_spacing * relaxed.course_spacing)
+
+
 def rest_dataset(fabric, relaxed, error):
     """Dataset of a FabricInput at rest; error: estimated relative error of its spacings.
 
@@ -67,7 +73,7 @@ def rest_dataset(fabric, relaxed, error):
     """
     import xarray as xr  # late: it takes long to load, and a curve on the screen needs none
 
-    lines, area = relaxed.centrelines, relaxed.wale_spacing * relaxed.course_spacing
+    lines = relaxed.centrelines
     stated = {
         f"stated_{name}": fabric[name] if fabric.is_stated(name) else np.nan
         for name in ("wale_spacing", "course_spacing")
@@ -89,7 +95,7 @@ def rest_dataset(fabric, relaxed, error):
             "kc": fabric["loop_length"] / relaxed.course_spacing,
             "kw": fabric["loop_length"] / relaxed.wale_spacing,
             "thickness": np.ptp(lines[..., 2]) + fabric.yarn["diameter"],
-            "areal_mass": fabric.yarn["linear_density"] * fabric["loop_length"] / area,
+            "areal_mass": mass_per_area(fabric, relaxed),
             "energy": ("term", relaxed.energy),
             "residual": relaxed.residual,
             "min_distance": relaxed.min_distance,

@@ -8,6 +8,7 @@ from knitsim import units
 from knitsim.equilibrium.pattern import Pattern
 from knitsim.errors import InputError
 from knitsim.study.count import count_of
+from knitsim.study.schema import FABRIC, YARN
 from knitsim.study.trade import MEANT
 from knitsim.study.turns import check_history, check_turns
 
@@ -98,11 +99,10 @@ def _what_is_known(section, name):
                 return f"the unit must be one that is known here: {known}"
     from difflib import get_close_matches
 
-    from knitsim.study import schema  # late: it is made of what is checked here
-
-    for whose, other in (("yarn", schema.YARN), ("fabric", schema.FABRIC)):
-        if section in (schema.YARN, schema.FABRIC) and other.key(name) is not None:
-            return f"it is a key of the {whose}"
+    if section in (YARN, FABRIC):
+        for whose, other in (("yarn", YARN), ("fabric", FABRIC)):
+            if other.key(name) is not None:
+                return f"it is a key of the {whose}"
     near = get_close_matches(name.lower(), names, 1, 0.5)
     return (
         f"the nearest is {names[near[0]]}" if near else f"known here: {', '.join(names.values())}"

@@ -57,7 +57,6 @@ GAUSS, FINE_GAUSS = 3, 8  # points per span that the method states; finer ones
 # Finer contact points, that count by the law itself: over those of the method, over a diameter, over the
 # width of the closest contact; at most a loop.
 FINE_CONTACTS, DENSE, NARROW, MOST_FINE = 4, 40, 1.5, 12000
-FINER = "slope of the energy by finer integrals is another"
 INSIDE = "cores are inside each other"
 KEPT = 4  # shapes
 MEASURED, LOOKED = 24, 6  # states whose forces, and whose finer integrals are measured
@@ -187,9 +186,9 @@ class Loads:
         before = np.append(0.0, self.size)[: len(way)]
         onward = np.append(False, (way[1:] * way[:-1]).sum(1) > 0.999)[: len(way)]
         like = onward & (self.size <= ALIKE * before) & (before <= ALIKE * self.size)
-        self.reach = np.sqrt((np.ptp(self.along, axis=0) ** 2).sum()) if len(way) > 1 else np.inf
+        reach = np.sqrt((np.ptp(self.along, axis=0) ** 2).sum()) if len(way) > 1 else np.inf
         sides = like, np.append(like[1:], False)[: len(way)]
-        self.close = (self.size > 0.0) & (sides[0] | sides[1] | (self.size <= CLOSE * self.reach))
+        self.close = (self.size > 0.0) & (sides[0] | sides[1] | (self.size <= CLOSE * reach))
         # The load may bend sharply at the start, where the test turns and friction turns over, and
         # just after both.
         self.sharp = ~onward | (self.size > ALIKE * before) | (not test.fine_steps)
@@ -406,7 +405,7 @@ class Loads:
     def _finer(self, noise):
         """Slopes of the energy against those by finer integrals, the law without rounded kinks."""
         s, given = self.states, self.given
-        told, error = np.isfinite(s.numerical_error), s.numerical_error * self.scale
+        told = np.isfinite(s.numerical_error)
         chosen = np.flatnonzero(self.close & told[1:] & told[:-1])
         for i in chosen[spread(len(chosen), LOOKED)] if len(chosen) else ():
             ends = [i, i + 1]
@@ -423,15 +422,10 @@ class Loads:
                 yield Finding(INSIDE, int(i), near, given.contact.core)
                 continue
             off = np.diff(stored - self.stored[ends].sum(1))[0]
-            # A shape at rest is not at rest by finer integrals, and how far what they change is taken by
-            # a small strain is told of the states just after: those that count as close.
-            away = np.linalg.norm(self.along[:, None] - self.along[ends], axis=2)
-            said = np.where(away <= CLOSE * self.reach, np.nan_to_num(error)[:, None], 0.0).max(
-                axis=0
-            )
-            said = np.maximum(TIMES * said, LEAST_FINE * self.scale[ends])
+            said = np.maximum(TIMES * s.numerical_error[ends], LEAST_FINE) * self.scale[ends]
             limit = np.maximum(said, LEAST_OF_ALL * self.largest).mean() * self.size[i] + noise[i]
-            yield from above(FINER, abs(off), limit, int(i) + 1)
+            check = "slope of the energy by finer integrals is another"
+            yield from above(check, abs(off), limit, int(i) + 1)
 
 
 def _worst(check, state, off, limit):

@@ -11,14 +11,14 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from knitsim.equilibrium.accuracy import rest_to, scale_of
+from knitsim.equilibrium.accuracy import scale_of
 from knitsim.equilibrium.bend import FRICTION_INCREMENT as BENDING_FRICTION_INCREMENT
 from knitsim.equilibrium.bend import INCREMENT as BENDING_INCREMENT
 from knitsim.equilibrium.bend import bend
 from knitsim.equilibrium.pull import FRICTION_INCREMENT, biaxial, shear, tensile
 from knitsim.errors import ComputationError, InputError
 from knitsim.verification.judge.given import Core
-from knitsim.verification.judge.loads import FINER, HELD
+from knitsim.verification.judge.loads import HELD
 from knitsim.verification.judge.verdict import judge
 from knitsim.verification.trials.law import NO_INPUT, Asked, Case
 from knitsim.verification.trials.rule import impossible
@@ -172,16 +172,13 @@ def _found(case, relaxed, asked, error, clock):
         jumps = _jumps(asked, relaxed, states, given)
         if len(jumps) and (checks <= SNAPPING or (states.increments[jumps + 1] > 1).all()):
             found["snaps"], wrong = "yes", []
-    # An error of the resolution is told where that of the state at rest, from which strain counts, is loud.
-    if any(f.check == FINER for f in wrong) and not rest_to(start)[1] <= ALOUD:
-        wrong = [f for f in wrong if f.check != FINER]
     wrong = [str(finding) for finding in wrong]
     if case.refined or held:
         curve = solved(asked, relaxed, error=True) if held and not error else curve
         off = clock.time("refining", _refined, case, relaxed, asked, curve)
         if off is not None:
             found["refined_difference"], limit = off
-            if not off[0] <= limit and rest_to(start)[1] <= ALOUD:
+            if not off[0] <= limit:
                 wrong.append(f"off by {off[0]:.3g} at twice the resolution, said {limit:.3g}")
         said = off is not None and np.isfinite(limit)
         wrong += [str(f) for f in held if not (said or (curve.numerical_error > ALOUD).all())]
