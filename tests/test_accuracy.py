@@ -151,7 +151,8 @@ def test_effects_of_assumptions_are_followed_at_points_that_are_fine_enough_and_
     assert followed_at([curve(48), curve(112), curve(72)]) == Resolution(112)
     # A moment that passes zero is driven to the last rung; its effects need not be.
     assert followed_at([curve(72), curve(248)]) == Resolution(72)
-    assert followed_at([curve(248), curve(168)]) == Resolution(168)
+    # Nor need those of which every curve is driven there.
+    assert followed_at([curve(248), curve(168)]) == Resolution(112)
 
 
 def test_an_accuracy_of_one_scene_changes_the_results_of_its_fabrics_only(tmp_path):
@@ -279,11 +280,15 @@ def test_an_error_that_nothing_can_be_built_on_is_said_aloud(error, said):
 
 def test_what_was_measured_and_how_well_a_parameter_is_read_is_said():
     found = xr.Dataset(
-        {"misfit_rms": ("curve", [0.0712, np.nan])},
+        {"misfit_rms": ("curve", [0.0712, np.nan]), "misfit_mean": ("curve", [0.01, np.nan])},
         {"curve": ["wale", "course"], "curve_role": ("curve", ["fitted", "predicted"])},
         {"calibration": "core"},
     )
     assert _agreement(found) == "core: wale fitted, 7.12 % rms, course not reached"
+    # A fit that is none is said so; a prediction that is none is what was to be seen.
+    found["misfit_rms"][:] = [0.69, 0.69]
+    text = "core: wale does NOT FIT, agrees not at all: 69 % rms, course predicted, 69 % rms"
+    assert _agreement(found) == text
     # 0.2 of 4 in SI is 5 %, of 40 in the instrument's unit 2.
     parameter = {"value": "4", "error": "0.2", "kes_value": "40"}
     assert _with_error(parameter) == "40 ± 2"

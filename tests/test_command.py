@@ -202,7 +202,11 @@ def test_one_fabric_on_the_screen_in_a_table_and_in_a_picture(tmp_path):
         # No option by its beginning alone, which takes one for the other.
         (("--count", "30/1", "--loop-length", "2.9"), ["fabric.loop_length:", "loop_length_mm"]),
         (("--loop-length-mm", "2.9"), ["count_Ne", "is missing"]),
-        (("--count", "20/1", "--loop-length-mm", "1.0"), ["squeezed", "computed to work: loop_length_mm"]),
+        (("--count", "20/1", "--loop-length-mm", "1.0"), ["diameters of its yarn", "density_checked"]),
+        (
+            ("--count", "20/1", "--loop-length-mm", "1.0", "--density-checked", "true"),
+            ["squeezed", "computed to work: loop_length_mm"],
+        ),
         (("--count-tex", "20", "--fabric", "friction=0.3"), ["fabric.friction", "key of the yarn"]),
     ],
 )  # fmt: skip

@@ -9,7 +9,8 @@ from friction_tools import virgin
 
 from knitsim.equilibrium import bend as bending
 from knitsim.equilibrium import cell as cells
-from knitsim.equilibrium.bend import TIGHTEST, bend, phases_of
+from knitsim.equilibrium.accuracy import scale_of
+from knitsim.equilibrium.bend import TIGHTEST, bend, phases_of, ways_of
 from knitsim.equilibrium.contact import BarrierContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.kernels.accept import RAN_AWAY, REACHED
@@ -379,6 +380,14 @@ def test_a_cell_of_too_many_loops_is_refused(cotton, monkeypatch):
         bend(cotton, "wale", [1.0])
 
 
+def test_ways_of_a_bending_test_are_counted_by_its_turning_points():
+    """On the first way an error counts over the moment, on later ones as the distance of two curves."""
+    ways = ways_of(np.array([0.0, 10, 20, 10, -10, -20, 0, 0, 10, 5]))
+    assert ways.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2, 3]
+    assert ways_of(np.array([-10.0, -20.0, -10.0])).tolist() == [0, 0, 1]
+    assert ways_of(np.zeros(0)).tolist() == []
+
+
 def test_phases_and_cycles():
     phase, cycle = phases_of(np.array([0.0, 10, 20, 10, -10, -20, 0, 10, 10, 0, 20]))
     np.testing.assert_array_equal(phase, [0, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0])
@@ -414,6 +423,22 @@ def test_error_estimate_bounds_the_error_with_friction(rubbing, direction):
     off = np.abs(change[0] - change[1]) / np.abs(change[1]).max()
     assert (off <= curve.change_error).all()
     assert curve.change_error.max() < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("direction", ["course", "wale"])
+def test_a_rib_is_bent_to_its_accuracy_on_an_early_rung(direction):
+    """Flat it has no moment at all, and with friction one that passes zero: neither asks for more points."""
+    rib = relax(Fabric(**COTTON | {"pattern": "rib_1x1"}, friction=0.2))
+    curve = bend(rib, direction, CYCLE, accuracy=0.01)
+    assert curve.model.cell.points <= 112
+    fine = bend(rib, direction, CYCLE, accuracy=0.001)
+    assert fine.model.cell.points >= 1.5 * curve.model.cell.points
+    # Both are off by no more than they say.
+    off = np.abs(curve.moment_per_width - fine.moment_per_width)
+    known = [scale_of(one.moment_per_width) * one.numerical_error for one in (curve, fine)]
+    assert (off <= sum(known))[1:].all()
+    assert abs(curve.flat_moment) < 1e-4 * np.abs(curve.moment_per_width).max()
 
 
 def test_loop_in_space_lies_on_its_cylinder(cotton):

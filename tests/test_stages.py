@@ -245,6 +245,7 @@ def test_a_fabric_far_from_its_stated_density_still_finds_its_own(tmp_path, file
 
 def test_a_yarn_thicker_than_any_loop_is_refused_by_its_key(tmp_path):
     """Below a loop length of four diameters, 0.6678 mm of the 0.16694 mm yarn, which nobody stated."""
+    small_with(tmp_path, "fabrics.yaml", "density_checked", True)
     with pytest.raises(InputError) as refused:
         check_study(small_with(tmp_path, "fabrics.yaml", "loop_length_mm", 0.6))
     message = str(refused.value)

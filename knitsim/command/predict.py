@@ -1,5 +1,6 @@
 """``knitsim predict``: what measured curves of a fabric teach, and what they predict, in words."""
 
+import json
 import os
 import sys
 from pathlib import Path
@@ -7,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from knitsim.errors import InputError
-from knitsim.units import from_si
+from knitsim.study.measured_keys import PARAMETERS
+from knitsim.units import from_si, label
 
 LINES = 5  # of a predicted curve
 DIRECTIONS = ("course", "wale")
@@ -128,11 +130,19 @@ def said(dataset, directions=DIRECTIONS):
     for k, name in enumerate(dataset.parameter.values):
         one = dataset.isel(parameter=k)
         before, after = one.parameter_bound.values, one.fitted_interval.values
+        unit = PARAMETERS[name].unit if name in PARAMETERS else None
+        if unit:  # as its key has it
+            before, after = from_si(before, unit), from_si(after, unit)
+        of = f" {label(unit)}" if unit else ""
         lines.append(
-            f"  {name}: {before[0]:.4g} to {before[1]:.4g} -> {after[0]:.4g} to {after[1]:.4g} "
-            f"{one.parameter_units.values}, {100 * float(one.posterior_over_prior):.0f} %"
+            f"  {str(name).replace('_', ' ')}: {before[0]:.3g} to {before[1]:.3g} -> {after[0]:.3g} to "
+            f"{after[1]:.3g}{of}, {100 * float(one.posterior_over_prior):.0f} %"
         )
     force = dataset.predicted_force_per_width.values
+    lines.append(
+        f"strains to {from_si(force[-1], 'gf_per_cm'):.3g} gf/cm, the largest force measured or "
+        "prediction.to_force_gf_per_cm of the fabric"
+    )
     for direction in directions:
         one = dataset.sel(direction=direction)
         known = np.flatnonzero(np.isfinite(one.predicted_strain.values) & (force > 0.0))
@@ -140,9 +150,14 @@ def said(dataset, directions=DIRECTIONS):
         for i in known[np.unique(np.linspace(0, len(known) - 1, LINES).astype(int))]:
             low, high = 100.0 * one.predicted_strain_band.values[i]
             lines.append(
-                f"  {from_si(force[i], 'N_per_mm'):.3g} N/mm: {100 * float(one.predicted_strain[i]):.3g}, "
+                f"  {from_si(force[i], 'gf_per_cm'):.3g} gf/cm ({from_si(force[i], 'N_per_mm'):.3g} N/mm): "
+                f"{100 * float(one.predicted_strain[i]):.3g}, "
                 f"{low:.3g} to {high:.3g}"
             )
+    for direction, tests in json.loads(dataset.attrs["next_tests"]).items():
+        if direction in directions:
+            told = "; ".join(f"{what}: {100 * left:.0f} %" for what, left in tests[:3])
+            lines.append(f"narrows the {direction} strain most, deviation that it leaves: {told}")
     lines.append("fitted -> predicted: rms, points in the 50 and 95 % band, CRPS")
     for k in range(dataset.sizes["scored"]):
         one = dataset.isel(scored=k)

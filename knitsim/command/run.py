@@ -1,9 +1,11 @@
 """``knitsim run DIR``: the workflow on a study, a line for each stage, a table at the end."""
 
 import os
+import queue
 import re
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -16,9 +18,12 @@ from knitsim.files import full_disk
 LOG = "benchmark/logs/snakemake.log"
 # What Snakemake says of a job, from its beginning to its end.
 _FIELD = re.compile(r"    (jobid|wildcards): (.*)")
+_BEGUN = re.compile(r"(?:local)?rule (\w+):")
 _ENDED = re.compile(r"Finished jobid: (\d+) \(Rule: (\w+)\)")
+_FAULT = re.compile(r"Error in rule \w+:")
 _OPTIONS = re.compile(r"\S*__main__\.py: error: (.*)")
 _STEPS = re.compile(r"(\d+) of (\d+) steps \(.*\) done")
+QUIET = 20.0  # seconds without a line on the screen, after which what is at work is said
 
 
 def run_options(parser):
@@ -74,32 +79,51 @@ def run(given, more):
 
 
 def followed(command, log):
-    """Run ``command``, all it says into the open file ``log``, a line of each job on the screen.
+    """Run ``command``, all it says into the open file ``log``; on the screen a line of each job that ends,
+    and of those at work where none ends for long.
 
     (exit status, whether it failed before any job and the reason is on the screen).
     """
     environment = os.environ | {"PYTHONUNBUFFERED": "1", "KNITSIM_RUN": "1"}
-    wildcards, job, ended, locked, refused = {}, "", "", False, False
+    at_work, rule, job, ended, locked, refused = {}, "", "", "", False, False
+    shown = time.monotonic()
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment,
         errors="replace",
     ) as process:  # fmt: skip
         try:
-            for line in process.stdout:
+            for line in _lines(process.stdout):
+                if line is None:
+                    if at_work and time.monotonic() - shown >= QUIET:
+                        shown = time.monotonic()
+                        told = (
+                            f"{what} ({shown - since:.0f} s)" for what, since in at_work.values()
+                        )
+                        print(f"at work: {', '.join(told)}", flush=True)
+                    continue
                 log.write(line)
                 if line.startswith("knitsim: "):
                     print(line, end="", file=sys.stderr, flush=True)
                     refused = refused or not job
+                elif found := _BEGUN.match(line):
+                    rule = found[1].replace("_", " ")
+                elif _FAULT.match(line):
+                    rule = ""
                 elif found := _FIELD.match(line):
                     if found[1] == "jobid":
                         job = found[2].strip()
-                        wildcards[job] = ""
-                    elif job:
-                        wildcards[job] = re.sub(r"\w+=", "", found[2]).strip()
+                        if rule:
+                            at_work[job] = (rule, time.monotonic())
+                        else:  # of a job that has failed
+                            at_work.pop(job, None)
+                    elif job in at_work:
+                        of = re.sub(r"\w+=", "", found[2]).strip()
+                        at_work[job] = (f"{rule} {of}", at_work[job][1])
                 elif found := _ENDED.match(line):
-                    ended = f"{found[2].replace('_', ' ')} {wildcards.get(found[1], '')}".strip()
+                    ended = at_work.pop(found[1], (found[2],))[0]
                 elif found := _STEPS.match(line):
                     print(f"[{found[1]:>{len(found[2])}}/{found[2]}] {ended}", flush=True)
+                    shown = time.monotonic()
                 elif found := _OPTIONS.match(line):
                     print(f"knitsim run: {found[1]}", file=sys.stderr, flush=True)
                     refused = True
@@ -113,3 +137,24 @@ def followed(command, log):
             file=sys.stderr,
         )
     return process.returncode, process.returncode != 0 and (locked or refused)
+
+
+def _lines(stream):
+    """Lines of a stream as they come, and None for each second without one."""
+    lines = queue.Queue()
+
+    def read():
+        for line in stream:
+            lines.put(line)
+        lines.put("")
+
+    threading.Thread(target=read, daemon=True).start()
+    while True:
+        try:
+            line = lines.get(timeout=1.0)
+        except queue.Empty:
+            yield None
+            continue
+        if not line:
+            return
+        yield line

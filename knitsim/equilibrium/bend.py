@@ -106,6 +106,7 @@ def _bend(relaxed, direction, curvatures, spacings, increment, exact):
     states, force = walk.states()
     steps = len(states["y"])
     states["phase"], states["cycle"] = phases_of(curvatures[:steps])
+    states["segment"] = ways_of(curvatures[:steps])
     return BendingCurve(
         **states,
         start=relaxed,
@@ -117,6 +118,15 @@ def _bend(relaxed, direction, curvatures, spacings, increment, exact):
         moment_per_width=force[:, at + ANGLE] / model.loops / width,
         change_error=np.full(steps, np.nan),
     )
+
+
+def ways_of(curvatures):
+    """Number of the turning point, from 0, that each of the curvatures (n,) is on the way to."""
+    steps = np.diff(curvatures, prepend=0.0)
+    moved = np.flatnonzero(steps)
+    turns = np.zeros(len(curvatures), dtype=np.int64)
+    turns[moved[1:]] = steps[moved[1:]] * steps[moved[:-1]] < 0.0
+    return np.cumsum(turns)
 
 
 def turned(memory, bent):

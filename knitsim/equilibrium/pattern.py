@@ -108,6 +108,11 @@ class Pattern:
         """Whether all stitches are the same."""
         return self.wales == self.courses == 1
 
+    @property
+    def balanced(self):
+        """Whether face and back are alike: nothing but the solver's error bends it at rest."""
+        return any(one.sign[2] < 0 for one in self.symmetries())
+
     def stitch(self, wale, course):
         """k or p."""
         return self.rows[course % self.courses][wale % self.wales]

@@ -87,12 +87,11 @@ FIGURES = (
     ),
     Figure(
         "fig12_yarn_tension", "yarn", "yarn_tension", "yarn", ("yarn",),
-        "Fig. 12 of the paper: the simulated tensile test of the yarn, its law and the curve given. The"
-        " paper's curves are not available; those of the default study are made of its constants, so"
-        " that finding these again proves nothing. A twisted yarn carries less than its law, which is"
-        " shared out among its fibres: they lie at an angle, and the section gives way. The acrylic of"
-        " the default study, thick and soft, so carries less than half; its fabric's tests take the law"
-        " as it stands.",
+        "Fig. 12 of the paper: the simulated tensile test of the yarn, its law and the curve given. A curve"
+        " that was rebuilt from constants, as those of the paper's yarns are, finds these again and proves"
+        " nothing. A twisted yarn carries less than its law, which is shared out among its fibres: they"
+        " lie at an angle, and the section gives way; a thick soft yarn, such as the paper's acrylic, so"
+        " carries less than half. The fabric's tests take the law as it stands.",
     ),
     Figure(
         "fig03_loop_anchors", "paper", "loop", "fabric", ("loop",),
@@ -162,9 +161,9 @@ FIGURES = (
         "fig16_equilibrium_tension", "solved", "equilibrium_tension", "fabric", _SOLVED,
         "Tension in the equilibrium model in every condition of the scene, with its estimated error,"
         " contraction and energies. Along the wale the force turns up sharply where the two legs of a"
-        " loop come to touch each other at their feet, and those of neighbouring loops at their heads (at"
-        " 36 % in the default study, read from the stored states): until then yarns touch where loops"
-        " interlace only, and from there on the legs must be squeezed.",
+        " loop come to touch each other at their feet, and those of neighbouring loops at their heads (the"
+        " strain is marked, read from the stored states): until then yarns touch where loops interlace"
+        " only, and from there on the legs must be squeezed.",
     ),
     Figure(
         "fig18_equilibrium_bending", "solved", "equilibrium_bending", "fabric", _BENT,
@@ -179,7 +178,7 @@ FIGURES = (
     Figure(
         "fig20_kes_chart", "solved", "kes_chart", "fabric", ("kes", "relaxed"),
         "KES parameters of the fabric in tension to 50 gf/cm, bending and shear. B with friction is that"
-        " of a first bending, which slipping resists; without friction it is that of Figs 21 and 22.",
+        " of a first bending, which slipping resists; without friction it is lower.",
     ),
     Figure(
         "fig21_yarn_to_fabric", "solved", "yarn_to_fabric", "fabric", ("rigidity",),

@@ -144,9 +144,11 @@ def _show_small(ax, test, force):
 def _say_left_over(ax, curve):
     """What the first recovery leaves of the strain, and its cycle takes of the work."""
     (_, up), (_, down) = solved.runs(curve)[:2]
-    lost = from_si(float(curve.dissipated[down[-1]] / curve.work[up[-1]]), "percent")
+    # 100 - RT: what friction takes, and what it keeps in the loops.
+    work = curve.work.values - float(curve.work[0])
+    lost = from_si(float(work[down[-1]] / work[up[-1]]), "percent")
     left = from_si(float(curve.strain[down[-1]]), "percent")
-    text = f"strain left {left:.1f} %\nwork lost {lost:.0f} %"
+    text = f"strain left {left:.1f} %\nwork not given back {lost:.0f} %"
     panels.say(ax, text, (0.05, 0.06), xycoords="axes fraction", va="bottom")
 
 

@@ -62,7 +62,7 @@ def _decides(dataset):
     for direction, tests in json.loads(dataset.attrs["next_tests"]).items():
         what, left = next((one for one in tests if "pull" not in one[0]), tests[0])
         said.append(f"{direction}: {what}, leaves {100 * left:.0f} %")
-    return "Narrows the strain most: " + "; ".join(said) + "."
+    return "To narrow the band, measure next, " + "; ".join(said) + " of its deviation."
 
 
 def _panel(ax, one, predicted, quantity):

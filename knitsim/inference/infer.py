@@ -83,14 +83,16 @@ class Solved:
 
     count of them are drawn from the distribution of the inputs.  With uncertain friction they are solved
     without it, and a part of them again with it.  Draws without an equilibrium are left out, with the
-    reasons in ``failed``: the distribution is that of fabrics which can be.
+    reasons in ``failed``: the distribution is that of fabrics which can be.  stated: spacings at rest (wale,
+    course) (m) that somebody stated, None else; without it those of the fabric.
     """
 
     def __init__(
         self, fabric, inputs, forces, *, count=FABRICS, seed=SEED, resolution=None, pretension=None,
-        progress=None,
+        progress=None, stated=None,
     ):  # fmt: skip
         self.fabric, self.inputs, self.forces = fabric, tuple(inputs), forces
+        self.stated = stated or (fabric.wale_spacing, fabric.course_spacing)
         names = [i.name for i in inputs]
         self.rubs = "friction" in names
         self.own = [k for k, name in enumerate(names) if not (self.rubs and name in RUBBING)]
@@ -137,30 +139,31 @@ class Solved:
         good enough."""
         for number in range(REFINED):
             emulator = self.emulator()
-            found = fitted(emulator, blocks_for(self.fabric, emulator.places, tests, use))
+            found = fitted(emulator, blocks_for(self.stated, emulator.places, tests, use))
             z = found.draws(AT_ONCE, number)[0]
             z[0] = found.z
             for one in z:
                 self.add(one, self.rubs)
 
 
-def blocks_for(fabric, places, tests, use=("strain", "rest")):
-    """Blocks of measured tests (MeasuredTest) and, with "rest" in use, of the stated spacings."""
+def blocks_for(stated, places, tests, use=("strain", "rest")):
+    """Blocks of measured tests (MeasuredTest) and, with "rest" in use, of the stated spacings (wale,
+    course) (m), None where it is not stated."""
     for name in use:
         if name not in USES:
             raise InputError("use", name, f"must be of {', '.join(USES)}")
     blocks = []
     for test in tests:
         blocks += blocks_of(places, test, [q for q in QUANTITIES if q in use])
-    if "rest" in use and fabric.wale_spacing and fabric.course_spacing:
-        blocks += rest_blocks(places, fabric.wale_spacing, fabric.course_spacing)
+    if "rest" in use:
+        blocks += rest_blocks(places, *stated)
     return [b for b in blocks if len(b.at)]
 
 
 def learned(solved, tests, use=("strain", "rest"), seed=0):
     """The :class:`Inferred` of measured tests; solved: :class:`Solved`."""
     emulator = solved.emulator()
-    posterior = fitted(emulator, blocks_for(solved.fabric, emulator.places, tests, use))
+    posterior = fitted(emulator, blocks_for(solved.stated, emulator.places, tests, use))
     k = posterior.draws(1000, seed)[2]
     return Inferred(
         emulator.inputs, emulator, Posterior(emulator), posterior, solved.forces, tuple(solved.failed),
@@ -248,14 +251,15 @@ def next_tests(found, target, candidates=(), at=None):
     return sorted(rows, key=lambda row: row[1])
 
 
-def left_out(fabric, emulator, measured, choices, *, count=2000, seed=0, between=(0.0, math.inf)):
+def left_out(stated, emulator, measured, choices, *, count=2000, seed=0, between=(0.0, math.inf)):
     """Scores of tests that were not fitted: rows (fitted, test, quantity, :class:`.scores.Score`).
 
-    measured: [MeasuredTest]; choices: {words: (tests fitted, use)}; between: forces (N/m) of the points.
+    stated: spacings as for :func:`blocks_for`; measured: [MeasuredTest]; choices: {words: (tests fitted,
+    use)}; between: forces (N/m) of the points.
     """
     rows = []
     for words, (tests, use) in choices.items():
-        posterior = fitted(emulator, blocks_for(fabric, emulator.places, tests, use))
+        posterior = fitted(emulator, blocks_for(stated, emulator.places, tests, use))
         for test in measured:
             for quantity in QUANTITIES:
                 if quantity not in test or (test in tests and quantity in use):

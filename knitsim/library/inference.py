@@ -295,7 +295,9 @@ def _learned(fabric: Fabric, curves: Sequence[MeasuredTest], fabrics: int) -> Le
     counted = [shifted(one.to_fit(), zero.get(one.direction, 0.0)) for one in curves]
     forces = forces_of(counted)
     found = inputs_of(built, assumed=assumed_of(fabric))
-    solved = Solved(built, found, forces, count=fabrics, pretension=zero)
+    solved = Solved(
+        built, found, forces, count=fabrics, pretension=zero, stated=fabric.stated_spacings
+    )
     use = ("strain", "rest")
     solved.refine(counted, use)
     return Learned(fabric, learned(solved, counted, use))

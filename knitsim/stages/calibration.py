@@ -248,7 +248,7 @@ def _prediction_dataset(fabric, predictor, forces, half, pretensions):
             ("spacing", "bound"), [[float(s.low[0]), float(s.high[0])] for s in spacings],
         ),
         "stated_spacing": ("spacing", [
-            np.nan if (own := fabric[f"{name}_spacing"]) is None else own for name in SPACINGS
+            np.nan if own is None else own for own in fabric.stated_spacings
         ]),
     }  # fmt: skip
     for quantity in ("strain", "transverse_strain"):

@@ -19,9 +19,10 @@ PREDICTION_COLUMNS = (
 )  # fmt: skip
 # Parts of the largest force at which predictions stand in the table.
 PARTS = (0.1, 0.25, 0.5, 1.0)
-SPREAD = "all"  # name of the rows that compare the calibrations
+SPREAD = "(all)"  # stands for all calibrations, in rows that compare them; none can have this name
 # rms misfit up to which a curve is called so.
 _GRADES = ((0.03, "very well"), (0.08, "well"), (0.15, "fairly"), (0.30, "roughly"))
+ROUGHLY = _GRADES[-1][0]  # beyond, a curve is not agreed with
 _ONE_SIDED = 0.8  # part of the rms misfit that is mean misfit, for the model to be one-sided
 
 
@@ -113,7 +114,7 @@ def prediction_rows(fabric, name, dataset):
         rows.append((
             fabric, name, "at rest", f"{spacing} spacing", "", _number(value), _number(low),
             _number(high), band, "m", _number(stated), _number(part),
-            f"{100 * part:+.3g} % from the stated one",
+            f"{100 * part:+.3g} % from the stated one" if np.isfinite(stated) else "no density is stated",
         ))  # fmt: skip
     for curve, one in _curves(dataset):
         role = "fitted" if str(one.curve_role.values) == "fitted" else "predicted"

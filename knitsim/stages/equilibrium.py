@@ -171,10 +171,11 @@ def both_ways(largest, states):
 
 
 def followed_at(curves):
-    """The Resolution at which effects of assumptions are followed: the finest of the curves' that is no finer
-    than FOLLOWED control points, for each alternative is solved anew, or the least fine of all."""
+    """The Resolution at which effects of assumptions are followed: the finest of the curves' that has no more
+    than FOLLOWED control points, or that many; each alternative is solved anew."""
     every = sorted((one.model.resolution for one in curves), key=lambda one: one.points)
-    return next((one for one in reversed(every) if one.points <= FOLLOWED), every[0])
+    own = next((one for one in reversed(every) if one.points <= FOLLOWED), None)
+    return own or replace(every[0], points=FOLLOWED, contacts=None)
 
 
 def variants_dataset(fabric, stage, solved, headlines, timings):

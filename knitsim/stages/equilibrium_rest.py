@@ -75,8 +75,10 @@ def rest_dataset(fabric, relaxed, error):
 
     lines = relaxed.centrelines
     stated = {
-        f"stated_{name}": fabric[name] if fabric.is_stated(name) else np.nan
-        for name in ("wale_spacing", "course_spacing")
+        f"stated_{name}": np.nan if own is None else own
+        for name, own in zip(
+            ("wale_spacing", "course_spacing"), fabric.stated_spacings, strict=True
+        )
     }
     cell, said = relaxed.model.cell, {}
     if relaxed.jammed:

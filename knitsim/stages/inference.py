@@ -73,6 +73,7 @@ class Start:
         return infer.Solved(
             self.built, self.inputs, self.forces, count=self.entry["fabrics"], pretension=self.zero,
             progress=progress, resolution=settings_of(self.fabric).resolution if stated else None,
+            stated=self.fabric.stated_spacings,
         )  # fmt: skip
 
 
@@ -98,7 +99,7 @@ def run(fabric, laws, name, progress=None):
     """
     timings, start = Timings(STAGE, fabric.name), Start(fabric, laws, name)
     entry, measured = start.entry, start.measured
-    choices = _choices(start.judged, start.fitted, entry["use"])
+    choices = _choices(start.judged, start.fitted, entry["use"], any(fabric.stated_spacings))
     with timings.measure(f"{name}: {entry['fabrics']} fabrics solved"):
         solved = start.solved(progress)
     with timings.measure(f"{name}: fabrics solved where fits are"):
@@ -113,6 +114,8 @@ def run(fabric, laws, name, progress=None):
     notes = (
         [f"{len(failed)} of {entry['fabrics']} fabrics drawn had no equilibrium"] if failed else []
     )
+    if "rest" in entry["use"] and None in fabric.stated_spacings:
+        notes.append("of the spacings at rest only what is stated counts; the rest is assumed")
     notes += [NO_BENDING] if any(m.kind == "bending" for m in measured.values()) else []
     dataset.attrs |= {
         "band_covers": COVERS, "warnings": to_json(_warnings(found)), "notes": to_json(notes),
@@ -167,7 +170,7 @@ def _dataset(fabric, found, measured, counted, at, zero, entry):
         "profile_misfit": (("parameter", "profile_point"), np.zeros((n, 0))),
         "predicted_force_per_width": ("state", np.append(0.0, at)),
         "predicted_pretension": ("direction", [zero.get(d, 0.0) for d in DIRECTIONS]),
-        "stated_spacing": ("spacing", [fabric[f"{name}_spacing"] for name in SPACINGS]),
+        "stated_spacing": ("spacing", [np.nan if own is None else own for own in fabric.stated_spacings]),
     }  # fmt: skip
     z = found.posterior.draws(SAMPLES)[0]
     rest = untold(found.emulator.places, found.emulator.rows(z))[:, :2]
@@ -245,8 +248,9 @@ def _judged(counted, entry):
     return dict(found.values())
 
 
-def _choices(judged, fitted, use):
-    """{words: (tests, use)} from which the other tests are predicted: leave one test out."""
+def _choices(judged, fitted, use, density):
+    """{words: (tests, use)} from which the other tests are predicted: leave one test out; density: whether
+    one is stated."""
     across = [t for t in judged.values() if "lateral_strain" in t]
     choices = {"fitted here": (fitted, use)}
     choices |= {
@@ -254,14 +258,14 @@ def _choices(judged, fitted, use):
     }
     if across:
         choices["all lateral strains"] = across, ("lateral_strain", "rest")
-    return choices | {"rest alone": ([], ("rest",))}
+    return choices | ({"rest alone": ([], ("rest",))} if density else {})
 
 
 def _scores(start, found, choices):
     """How each choice of fitted tests predicts the others, up to the largest force of the prediction."""
     top = float(start.at[-1])
     rows = infer.left_out(
-        start.built,
+        start.fabric.stated_spacings,
         found.emulator,
         list(start.judged.values()),
         choices,

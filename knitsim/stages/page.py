@@ -16,13 +16,14 @@ from knitsim.files import replacing
 from knitsim.store.reader import attributes
 from knitsim.store.results import DIRECTIONS
 from knitsim.study.measured_checks import names_of
+from knitsim.study.measured_keys import PARAMETERS
 
 # Figures that stand in the page itself; beyond, in a sweep, there are links, and the first of each fabric.
 MOST_EMBEDDED = 60
 FIRST = "fig00_load_extension"
 # Conditions of the tests that stand in a data sheet, the first that is there.
 SHOWN_CONDITIONS = ("kes", "friction", "")
-PARAMETERS = {
+KES = {
     "tensile": ("EMT 50 gf/cm", "LT 50 gf/cm", "WT 50 gf/cm", "RT 50 gf/cm", "residual_strain 50 gf/cm"),
     "bending": ("B", "2HB"),
     "shear": ("G", "2HG", "2HG5"),
@@ -42,23 +43,29 @@ def page_of(study, root):
     environment = jinja2.Environment(
         loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    rows = {name: _rows(root / f"tables/{name}.csv") for name in ("summary", "kes", "curl")}
+    environment.filters["short"] = _short
+    rows = {
+        name: _rows(root / f"tables/{name}.csv")
+        for name in ("summary", "kes", "curl", "calibration")
+    }
     pictures = _pictures(study, root)
     # A stable sort: the first figure of each fabric, then the others in their order.
     embedded = set(sorted(pictures, key=lambda png: FIRST not in png)[:MOST_EMBEDDED])
+    files, left = _provenance(study, root)
     return environment.get_template("page.html").render(
         version=knitsim.__version__,
         summary=rows["summary"],
         fabrics=[
             {
                 "name": name,
-                "inputs": _inputs(fabric),
+                "inputs": [*_inputs(fabric), *_derived(fabric)],
                 "yarn": fabric.yarn.name,
                 "yarn_inputs": _inputs(fabric.yarn),
                 "kes": _kes(rows["kes"], name),
                 "curl": [
                     r for r in rows["curl"] if r["fabric"] == name and r["model"] == "equilibrium"
                 ],
+                "calibrated": [_calibrated(r) for r in rows["calibration"] if r["fabric"] == name],
                 "notes": _notes(rows["summary"], name),
             }
             for name, fabric in study.fabrics.items()
@@ -70,7 +77,8 @@ def page_of(study, root):
         corrections=_rows(root / "tables/corrections.csv"),
         assumptions=_rows(root / "tables/assumptions.csv"),
         tables=_files(root, "tables/*.csv"),
-        files=_provenance(root),
+        files=files,
+        left=left,
     )
 
 
@@ -103,6 +111,14 @@ def _inputs(resolved):
     return found
 
 
+def _derived(fabric):
+    """What follows from the inputs and textile people go by, as :func:`_inputs` gives it."""
+    if fabric.values.get("tightness_factor") is not None:
+        return []
+    return [{"name": "tightness factor", "value": f"{fabric.tightness_factor:.3g} tex^0.5/cm, from count and "
+             "loop length", "because": "", "range": ""}]  # fmt: skip
+
+
 def _input(key, value, row, section=""):
     name = key.name.removesuffix(f"_{key.unit}") if key.unit else key.name
     unit = units.label(key.unit) if key.unit else ""
@@ -127,7 +143,7 @@ def _shown(value, unit):
 def _kes(rows, fabric):
     """[{parameter, definition, units, course, wale, condition}] of one fabric, equilibrium model."""
     found = []
-    for test, parameters in PARAMETERS.items():
+    for test, parameters in KES.items():
         own = [
             r for r in rows if (r["fabric"], r["test"], r["model"]) == (fabric, test, "equilibrium")
         ]
@@ -161,6 +177,30 @@ def _kes(rows, fabric):
                 }
             )
     return found
+
+
+def _calibrated(row):
+    """A row of a calibration as the page shows it: a parameter in the unit of its key, or the fit."""
+    unit = PARAMETERS[row["name"]].unit if row["name"] in PARAMETERS else None
+    numbers = {
+        key: f"{units.from_si(float(row[key]), unit) if unit else float(row[key]):.3g}" if row[key] else ""
+        for key in ("value", "low", "high")
+    }  # fmt: skip
+    whole = row["name"] == "all"
+    return numbers | {
+        "calibration": row["calibration"], "says": row["says"],
+        "name": "the fit" if whole else row["name"].replace("_", " "),
+        "unit": units.label(unit) if unit else "",
+        "loud": any(word in row["says"] for word in ("not at all", "not determined", "value allowed")),
+    }  # fmt: skip
+
+
+def _short(text):
+    """A number of a table to five digits; words as they are."""
+    try:
+        return f"{float(text):.5g}"
+    except ValueError:
+        return text
 
 
 def _number(text):
@@ -227,14 +267,20 @@ def _files(root, pattern):
     return [file.relative_to(root).as_posix() for file in sorted(root.glob(pattern))]
 
 
-def _provenance(root):
-    """[{file, size, hash, source}] of every result file and table that the run has made."""
-    found = []
+def _provenance(study, root):
+    """([{file, size, hash, source}] of every result file and table of a Study, files that lie there of yarns
+    and fabrics which it no longer has)."""
+    found, left = [], []
+    fabrics, yarns = {None, "", *study.fabrics}, {None, "", *study.yarns}
     for file in [*_files(root, "*/**/*.nc"), *_files(root, "tables/*.csv")]:
         if file == "tables/timing.csv":  # differs from run to run
             continue
         content = (root / file).read_bytes()
         said = attributes(root / file) if file.endswith(".nc") else {}
+        # What an earlier study has left.
+        if said.get("fabric") not in fabrics or said.get("yarn") not in yarns:
+            left.append(file)
+            continue
         found.append(
             {
                 "file": file, "kilobytes": f"{len(content) / 1024:.0f}",
@@ -242,4 +288,4 @@ def _provenance(root):
                 "title": said.get("title", ""),
             }
         )  # fmt: skip
-    return found
+    return found, left

@@ -6,6 +6,7 @@ equilibrium before the kinematic one, with friction before without.
 
 import numpy as np
 
+from knitsim.stages.calibration_tables import ROUGHLY, grade
 from knitsim.store.reader import opened, stopped
 from knitsim.store.results import DIRECTIONS
 from knitsim.store.tensile import counted_error
@@ -65,7 +66,9 @@ def write_summary(study, results, kes, path):
             _worst(row, dataset)
         if kind == "tensile":
             _largest(row, dataset)
-        for said in ("stop_reason", "not_stable", "jammed"):
+        if dataset.attrs.get("jammed"):
+            row["note"].append(f"at rest: {dataset.attrs['jammed']}")
+        for said in ("stop_reason", "not_stable"):
             if dataset.attrs.get(said):
                 where = f"{model} {kind} {dataset.attrs['direction']}".strip()
                 row["stopped"].append(f"{where}: {dataset.attrs[said]}")
@@ -88,20 +91,28 @@ def write_summary(study, results, kes, path):
 def _stated(fabric):
     row = dict.fromkeys(COLUMNS, "") | {"fabric": fabric.name, "yarn": fabric.yarn.name}
     row |= {"left_out": [], "stopped": [], "condition": [], "measured": [], "model": {}, "note": []}
-    for name in SPACINGS:
-        if fabric.values.get(name) is not None:
-            row[f"stated_{name}_mm"] = f"{1e3 * fabric[name]:.5g}"
+    for name, spacing in zip(SPACINGS, fabric.stated_spacings, strict=True):
+        if spacing is not None:
+            row[f"stated_{name}_mm"] = f"{1e3 * spacing:.5g}"
     return row
 
 
 def _agreement(dataset):
     """How far the model is from each measured curve, with the inputs of one calibration."""
-    told = [
-        f"{curve} {role}, {100.0 * rms:.3g} % rms" if np.isfinite(rms) else f"{curve} not reached"
-        for curve, role, rms in zip(
-            dataset.curve.values, dataset.curve_role.values, dataset.misfit_rms.values, strict=True
+    told = []
+    for curve, role, rms, mean in zip(
+        *(dataset[n].values for n in ("curve", "curve_role", "misfit_rms", "misfit_mean")), strict=True
+    ):  # fmt: skip
+        text = (
+            f"{curve} {role}, {100.0 * rms:.3g} % rms"
+            if np.isfinite(rms)
+            else f"{curve} not reached"
         )
-    ]
+        # A fit that is none is no calibration.
+        told.append(
+            f"{curve} does NOT FIT, {grade(float(rms), float(mean))}"
+            if role == "fitted" and not rms <= ROUGHLY else text
+        )  # fmt: skip
     return f"{dataset.attrs['calibration']}: {', '.join(told)}"
 
 

@@ -44,6 +44,9 @@ def _test_of(dataset):
     return f"{model} {'tension' if kind == 'tensile' else kind}, {direction}: "
 
 
+MANY = 9.0  # relative change from which it is told as a factor
+
+
 def _effects(files):
     """{(name of the yarn or fabric, path of the key): [(value, effect, text), ...]}.
 
@@ -65,7 +68,13 @@ def _effects(files):
                 rows.append((value, np.nan, f"refused: {str(refused).partition(': ')[2]}"))
             for quantity, effect in zip(names, row, strict=True):
                 if np.isfinite(effect):
-                    text = f"{quantity} {100 * effect:+.3g} %"
+                    # A result near nothing changes by many times itself.
+                    changed = (
+                        f"{100 * effect:+.3g} %"
+                        if abs(effect) < MANY
+                        else f"{1 + effect:.3g} times"
+                    )
+                    text = f"{quantity} {changed}"
                     rows.append((value, effect, text if abs(effect) >= 5e-5 else ""))
     return found
 

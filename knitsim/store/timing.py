@@ -12,6 +12,7 @@ from pathlib import Path
 from knitsim.files import replacing
 
 MEDIAN = "median, compiled"  # note of what is timed by itself, not within a job
+LONG = 1.0  # seconds beside which what a first run takes more is nothing
 # whole_test: whether it is what the paper calls the computing time of a test.
 COLUMNS = (
     "stage", "subject", "direction", "name", "value", "units", "repeats", "whole_test", "note",
@@ -51,12 +52,19 @@ class Timings:
         self.add(name, time.perf_counter() - start, note=note, whole=whole)
 
     def repeat(self, name, call, budget=0.03, whole=False):
-        """Record the median wall time of ``call()`` over one to a hundred runs, after one not counted.
+        """Record the median wall time of ``call()`` over one to a hundred runs, after one that is not counted
+        if it takes less than LONG.
 
         budget: seconds after which no further run is begun.  Returns the result of the last run.
         """
-        result, seconds, start = call(), [], time.perf_counter()
-        while not seconds or (time.perf_counter() - start < budget and len(seconds) < 100):
+        start = time.perf_counter()
+        result = call()
+        first = time.perf_counter() - start
+        seconds = [first] if first > LONG else []
+        start = time.perf_counter()
+        while not seconds or (
+            first <= LONG and time.perf_counter() - start < budget and len(seconds) < 100
+        ):
             begin = time.perf_counter()
             result = call()
             seconds.append(time.perf_counter() - begin)

@@ -20,6 +20,8 @@ LOOPS = (
     17.0,
     27.0,
 )  # wales times courses times the square of the loop length, dry to fully relaxed jersey
+SHORTEST = 6.5  # loop length over diameter: a yarn that is pressed to 0.4 of its diameter
+TIGHTEST = 11.0  # the same, of the tightest fabrics that are knitted
 DENSEST_PACKING = math.pi / math.sqrt(12.0)  # hexagonal, of equal circles
 
 
@@ -230,6 +232,20 @@ def _check_loops(fabric, wales, courses):
                 f"fabrics have {LOOPS[0]:g} to {LOOPS[1]:g}: is {meant} meant? Else state "
                 "density_checked: true",
             )
+
+
+def _check_room(fabric):
+    """Raises InputError for a loop that no needle could have drawn of such a yarn."""
+    diameter, loop = fabric.yarn["diameter"], fabric["loop_length"]
+    if loop >= SHORTEST * diameter or fabric["density_checked"]:
+        return
+    raise InputError(
+        *fabric.stated("loop_length"),
+        f"is {loop / diameter:.3g} diameters of its yarn ({1e3 * diameter:.3g} mm), tightness factor "
+        f"{fabric.tightness_factor:.3g}: the loops of the tightest fabrics are {TIGHTEST:g}, here "
+        f"{1e3 * TIGHTEST * diameter:.3g} mm. Is the loop length that of one stitch, and the count right? "
+        "Else state density_checked: true",
+    )
 
 
 def _check_curvature(fabric, diameter):

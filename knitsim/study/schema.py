@@ -272,7 +272,8 @@ FABRIC = Section(
         Key("course_spacing_mm", "course_spacing", "number", "Height of one course.", unit="mm",
             allowed="(0, 100]"),
         Key("density_checked", "density_checked", "flag", "That the fabric really has fewer courses than "
-            "wales, or loops far from those of plain fabrics of its density, which is asked about.",
+            "wales, loops far from those of plain fabrics of its density, or too short for its yarn, which "
+            "is asked about.",
             default=False, stages=("centre_line",)),
         Key("course_length_ratios", "course_length_ratios", "numbers", "Loop lengths of the courses of the "
             "pattern to each other, from the bottom up, where they differ; yarn slides from stitch to "

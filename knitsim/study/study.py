@@ -9,6 +9,7 @@
 """
 
 import copy
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,8 +24,7 @@ from knitsim.study.resolve import expand
 from knitsim.study.resolved import Resolved, SceneInput
 from knitsim.study.schema import FABRIC, SCENE, YARN, closure
 from knitsim.study.yaml_file import read_yaml
-
-KINEMATIC_IS_JERSEY = "the kinematic model has jersey only, and this is {}"
+from knitsim.units import from_si
 
 
 @with_signature(YARN)
@@ -117,7 +117,7 @@ class Fabric(Resolved):
     >>> yarn = ks.Yarn(count_tex=19.7)
     >>> fabric = ks.Fabric(yarn, wales_per_cm=14, courses_per_cm=20, loop_length_mm=2.9)
     >>> fabric
-    <Fabric: 14 wales and 20 courses per cm, loop length 2.9 mm, yarn of 19.7 tex>
+    <Fabric: 14 wales and 20 courses per cm, loop length 2.9 mm, tightness factor 15.3, yarn of 19.7 tex>
     >>> round(1e3 * fabric["wale_spacing"], 4)
     0.7143
     """
@@ -160,11 +160,26 @@ class Fabric(Resolved):
         density = f"{' and '.join(density)} per cm, " if density else ""
         return (
             f"<Fabric{self._named()}: {pattern}{density}loop length {1e3 * self['loop_length']:.4g} mm, "
+            f"tightness factor {self.tightness_factor:.3g}, "
             f"yarn of {1e6 * self.yarn['linear_density']:.4g} tex>"
         )
 
     def _check(self):
         check_fabric(self)
+
+    @property
+    def tightness_factor(self):
+        """sqrt(tex) over the loop length in cm: of plain fabrics 9 (open) to 19 (tight)."""
+        return math.sqrt(from_si(self.yarn["linear_density"], "tex")) / (1e2 * self["loop_length"])
+
+    @property
+    def stated_spacings(self):
+        """(wale, course) spacing (m); None where nobody stated it: what follows from an assumption is no
+        density that a fabric at rest could be compared with."""
+        return tuple(
+            self[name] if self.is_stated(name) else None
+            for name in ("wale_spacing", "course_spacing")
+        )
 
     def with_rest(self, **keys):
         """A copy whose scene has these keys of equilibrium_rest, and what it stated of it before."""
