@@ -239,7 +239,13 @@ def largest_error(curve):
 
 def _stepped(start, run, increment, curve, accuracy):
     """The test in steps that are short enough, these steps, and the test in steps twice as long."""
-    twice = run(start, 2.0 * increment)
+    apart = np.abs(np.diff(curve.place)).max(initial=0.0)
+    if 0.0 < apart < 1.5 * increment:
+        # Steps end at the states: those of twice the increment would be the same.
+        twice, increment = curve, 0.5 * apart
+        curve = run(start, increment)
+    else:
+        twice = run(start, 2.0 * increment)
     for _ in range(HALVINGS):
         if np.isinf(accuracy):
             break
