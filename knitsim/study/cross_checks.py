@@ -184,6 +184,7 @@ def check_fabric(fabric):
             fabric.scene.where("equilibrium_rest.fit_density"), "true",
             f"needs the density of fabric {fabric.name} (wales_per_cm, courses_per_cm)",
         )  # fmt: skip
+    _check_room(fabric)
     _check_curvature(fabric, diameter)
 
 
