@@ -87,7 +87,7 @@ def test_a_yarn_whose_fibres_cannot_be_drawn_keeps_its_law(tmp_path, capsys):
 
 
 def test_where_no_model_can_the_remedies_work(tmp_path):
-    tight = "wales_per_cm: 25, courses_per_cm: 30, loop_length_mm: 0.6"
+    tight = "wales_per_cm: 25, courses_per_cm: 30, loop_length_mm: 0.6, density_checked: true"
     hard = "count_Ne: 30, compression_stiffness_N_per_m: 10000"
     study = study_of(tmp_path, f"f1: {{yarn: y1, scene: both, {tight}}}\n", hard)
     with pytest.raises(InputError, match="computed to work") as refused:
@@ -97,7 +97,7 @@ def test_where_no_model_can_the_remedies_work(tmp_path):
     diameter = float(re.search(r"diameter_mm ([\d.]+)", message[message.index("computed") :])[1])
     assert length > 0.6 and diameter < 1e3 * study.yarns["y1"]["diameter"]
     yarn = ks.Yarn(count_Ne=30, compression_stiffness_N_per_m=10000)
-    fabric = ks.Fabric(yarn, loop_length_mm=0.6)
+    fabric = ks.Fabric(yarn, loop_length_mm=0.6, density_checked=True)
     for changed in (
         fabric.with_value("loop_length_mm", length), fabric.with_value("yarn.diameter_mm", diameter)
     ):  # fmt: skip

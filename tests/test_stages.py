@@ -245,15 +245,17 @@ def test_a_fabric_far_from_its_stated_density_still_finds_its_own(tmp_path, file
 
 def test_a_yarn_thicker_than_any_loop_is_refused_by_its_key(tmp_path):
     """Below a loop length of four diameters, 0.6678 mm of the 0.16694 mm yarn, which nobody stated."""
-    small_with(tmp_path, "fabrics.yaml", "density_checked", True)
+    with pytest.raises(InputError, match=r"loop_length_mm = 0.6: is 3.59 diameters of its yarn"):
+        small_with(tmp_path, "fabrics.yaml", "loop_length_mm", 0.6)
+    fabrics = yaml.safe_load((SMALL / "fabrics.yaml").read_text())
+    fabrics["small"] |= {"loop_length_mm": 0.6, "density_checked": True}
+    (tmp_path / "fabrics.yaml").write_text(yaml.safe_dump(fabrics))
     with pytest.raises(InputError) as refused:
-        check_study(small_with(tmp_path, "fabrics.yaml", "loop_length_mm", 0.6))
+        check_study(load_study(tmp_path))
     message = str(refused.value)
     assert "fabrics.yaml: small.loop_length_mm = 0.6: yarn too thick" in message
     # What it says would be right is accepted.
     assert "must be 0.15 mm thick or less, or the loop length 0.6678 mm or more" in message
     small_with(tmp_path, "yarns.yaml", "diameter_mm", 0.15)
-    fabrics = yaml.safe_load((SMALL / "fabrics.yaml").read_text())
-    fabrics["small"]["loop_length_mm"] = 0.6
     (tmp_path / "fabrics.yaml").write_text(yaml.safe_dump(fabrics))
     check_study(load_study(tmp_path))

@@ -62,7 +62,8 @@ def test_each_row_is_that_fabric_alone(fabric, many):
 def test_a_fabric_that_fails_is_a_row_with_its_reason(many):
     short = many.loop_length_mm.values == 0.5
     assert all(
-        "computed to work" in why or "must be" in why for why in many["reason"].values[short]
+        "computed to work" in why or "diameters of its yarn" in why
+        for why in many["reason"].values[short]
     )
     assert (many["reason"].values[~short] == "").all()
     assert np.isnan(many["kc"].values[short]).all() and np.isfinite(many["kc"].values[~short]).all()
