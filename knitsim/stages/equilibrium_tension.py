@@ -23,6 +23,8 @@ from knitsim.store.timing import Timings
 STAGE = "equilibrium_tension"
 # Times the strain at which a first pull has reached the force: finer steps may need a little more.
 BEYOND = (1.02, 1.1, 1.3)
+# Strains up to which the states of a first pull are enough; beyond there are more of them.
+EASY = {"course": 1.5, "wale": 0.9}
 STEEP = 0.25  # of the force: a step over which it changes by more is divided
 DIVIDED = 3  # times at most
 # Strains at which the ledger follows the force.
@@ -56,6 +58,8 @@ def _tensile(choice, direction, relaxed, **errors):
     strains = top * np.arange(1, choice["states"] + 1) / choice["states"]
     if choice["to_force"] is None:
         return pulled(relaxed, direction, strains, **test, **errors), strains
+    count = int(np.ceil(choice["states"] * max(1.0, top / EASY[direction])))
+    strains = top * np.arange(1, count + 1) / count
     once = test | {"recovery": False, "cycles": 1}
     curve = tensile(relaxed, direction, strains, **once)
     for _ in range(DIVIDED):

@@ -159,6 +159,18 @@ EQUILIBRIUM_REST = Section(
     ),
 )
 
+
+def course_rule(test):
+    """1.5; to a force 3, which a rib needs."""
+    return 1.5 if test["to_force"] is None else 3.0
+
+
+def wale_rule(test):
+    """0.9; to a force 1.8."""
+    return 0.9 if test["to_force"] is None else 1.8
+
+
+
 # What one variant of an equilibrium tension test may restate.
 EQUILIBRIUM_TENSION_KEYS = (
     Key("friction", "friction", "flag", "Coulomb friction between yarns, with the coefficient of "
@@ -175,9 +187,9 @@ EQUILIBRIUM_TENSION_KEYS = (
         "comes before the largest strain; KES: 50 for knits, 500.", unit="gf_per_cm",
         allowed="(0, 1e6]"),
     Key("max_strain_course", "max_strain_course", "number", "Largest fabric strain, course-wise.",
-        allowed="(0, 5]", default=1.5),
+        allowed="(0, 5]", default=course_rule),
     Key("max_strain_wale", "max_strain_wale", "number", "Largest fabric strain, wale-wise.",
-        allowed="(0, 5]", default=0.9),
+        allowed="(0, 5]", default=wale_rule),
     Key("states", "states", "integer", "Stored states up to the largest strain, at equal steps.",
         allowed="[2, 10000]", default=30),
 )
