@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+import knitsim as ks
 from knitsim.errors import InputError
 from knitsim.study import reference
 from knitsim.study.keys import REQUIRED
@@ -594,3 +595,26 @@ def test_words_are_not_taken_for_truth(study_of):
     assert list(study.fabrics) == ["no", "12"]
     with pytest.raises(InputError, match="'0:30': must be a number"):
         study_of(fabrics=yaml.safe_dump(FABRICS) + "  set: 0:30\n")
+
+
+@pytest.mark.parametrize(
+    ("yarn", "fabric"),
+    [
+        ({"count": "30/1"}, {"loop_length_mm": 2.9}),
+        ({"count": "150/48 den"}, {"tightness_factor": 14}),
+        ({"count": "30/1", "bending_rigidity_N_mm2": 1e-3}, {"loop_length_mm": 2.9}),
+    ],
+)
+def test_an_assumption_matters_to_every_stage_whose_values_follow_from_it(yarn, fabric):
+    """A fibre modulus gives the bending rigidity of the yarn, so it matters to every test of the fabric."""
+    fabric = ks.Fabric(ks.Yarn(**yarn), **fabric)
+    results = [stage for stage in STAGES if stage not in ("law", "centre_line", "loop")]
+    changed = 0
+    for row in fabric.assumptions():
+        for value in (row.low, row.high) if row.path and row.low is not None else ():
+            other = fabric.with_value(row.path, value)
+            for stage in results:
+                matters = other.values_of(closure(stage)) != fabric.values_of(closure(stage))
+                changed += matters
+                assert not matters or closure(stage) & set(row.stages), (row.path, stage)
+    assert changed > 50

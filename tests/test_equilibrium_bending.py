@@ -10,7 +10,7 @@ from friction_tools import virgin
 from knitsim.equilibrium import bend as bending
 from knitsim.equilibrium import cell as cells
 from knitsim.equilibrium.accuracy import at_resolution, scale_of
-from knitsim.equilibrium.bend import TIGHTEST, bend, phases_of, ways_of
+from knitsim.equilibrium.bend import TIGHTEST, bend, phases_of
 from knitsim.equilibrium.contact import BarrierContact
 from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.kernels.accept import RAN_AWAY, REACHED
@@ -24,6 +24,7 @@ from knitsim.equilibrium.kernels.records import ANGLE, LATTICE, Bend, Law, Scene
 from knitsim.equilibrium.model import rounded_law
 from knitsim.equilibrium.pattern import Pattern
 from knitsim.equilibrium.relax import relax
+from knitsim.equilibrium.walk import ways_of
 from knitsim.errors import InputError
 from knitsim.kes.curl import EDGES, rolls_to
 from knitsim.yarn.law import TensionLaw, paper_k3

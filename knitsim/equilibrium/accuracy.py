@@ -276,15 +276,15 @@ def _with_errors(curve, coarse, steps):
 def _off(one, other, curve, shift=0.0):
     """Difference of the values of two solutions at the states of a curve, (steps,).
 
-    The largest around each state on the same way, after the first one as it counts there, and of moments
-    around each at all; NaN where one of them did not come.  shift: by which the values of the one are higher
-    throughout.  A balanced pattern that lies flat keeps its own: there it has no moment, and that of states
-    beside it is no measure.
+    The largest around each state on the same way, after the first one as it counts there, and of a test to
+    both sides around each at all; NaN where one of them did not come.  shift: by which the values of the one
+    are higher throughout.  A balanced pattern that lies flat keeps its own: there it has no moment, and that
+    of states beside it is no measure.
     """
     off = np.abs(_at(one, curve) - shift - _at(other, curve))
-    if isinstance(curve, BendingCurve):
+    if (curve.place < 0.0).any():
         flat = (curve.place == 0.0) & (curve.segment == 0) & curve.model.fabric.pattern.balanced
-        return np.where(flat, off, _neighbourhood(off))
+        return np.where(flat & isinstance(curve, BendingCurve), off, _neighbourhood(off))
     scale = counted_scale(curve.value, curve.place, curve.segment)
     for segment in np.unique(curve.segment):
         mine = curve.segment == segment

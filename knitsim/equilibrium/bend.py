@@ -27,7 +27,7 @@ from knitsim.equilibrium.accuracy import solved
 from knitsim.equilibrium.kernels.records import ANGLE, Bend
 from knitsim.equilibrium.relax import without
 from knitsim.equilibrium.result import DIRECTIONS, LOADING, RECOVERY, BendingCurve
-from knitsim.equilibrium.walk import Walk
+from knitsim.equilibrium.walk import Walk, ways_of
 from knitsim.errors import InputError
 
 INCREMENT = 100.0  # 1/m, largest change of curvature in one solve without friction
@@ -118,15 +118,6 @@ def _bend(relaxed, direction, curvatures, spacings, increment, exact):
         moment_per_width=force[:, at + ANGLE] / model.loops / width,
         change_error=np.full(steps, np.nan),
     )
-
-
-def ways_of(curvatures):
-    """Number of the turning point, from 0, that each of the curvatures (n,) is on the way to."""
-    steps = np.diff(curvatures, prepend=0.0)
-    moved = np.flatnonzero(steps)
-    turns = np.zeros(len(curvatures), dtype=np.int64)
-    turns[moved[1:]] = steps[moved[1:]] * steps[moved[:-1]] < 0.0
-    return np.cumsum(turns)
 
 
 def turned(memory, bent):

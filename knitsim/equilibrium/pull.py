@@ -17,7 +17,7 @@ from knitsim.equilibrium.accuracy import solved
 from knitsim.equilibrium.kernels.records import COURSE_SPACING, SHEAR, WALE_SPACING
 from knitsim.equilibrium.relax import released, settle, without
 from knitsim.equilibrium.result import LOADING, RECOVERY, Curve
-from knitsim.equilibrium.walk import Walk
+from knitsim.equilibrium.walk import Walk, ways_of
 from knitsim.errors import ComputationError, InputError
 
 PULLED = {"course": (WALE_SPACING, COURSE_SPACING), "wale": (COURSE_SPACING, WALE_SPACING)}
@@ -158,8 +158,9 @@ def _shear(relaxed, angles, lateral, tension, increment):
     curve = curve_of(relaxed, walk, "shear", SHEAR, base, relaxed.wale_spacing, free, load)
     rising = np.diff(np.abs(angles[: curve.steps]), prepend=0.0) >= 0.0
     return curve.replaced(
-        strain=np.arctan(curve.strain + 1.0), phase=np.where(rising, LOADING, RECOVERY)
-    )
+        strain=np.arctan(curve.strain + 1.0), phase=np.where(rising, LOADING, RECOVERY),
+        segment=ways_of(angles[: curve.steps]),
+    )  # fmt: skip
 
 
 def walk_from(relaxed, start, free, driven, load, increment, spacing, told):

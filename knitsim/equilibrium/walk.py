@@ -143,3 +143,12 @@ class Walk:
             ended=int(self.ended),
             numerical_error=np.full(steps, np.nan),
         ), force
+
+
+def ways_of(places):
+    """Number of the turning point, from 0, that each of the curvatures or angles (n,) is on the way to."""
+    steps = np.diff(places, prepend=0.0)
+    moved = np.flatnonzero(steps)
+    turns = np.zeros(len(places), dtype=np.int64)
+    turns[moved[1:]] = steps[moved[1:]] * steps[moved[:-1]] < 0.0
+    return np.cumsum(turns)

@@ -130,6 +130,9 @@ def _gap(loops, wale_spacing, diameter):
     return float(away[between >= least].min())
 
 
+SMALL = 0.2  # of the largest load, where every condition comes to it
+
+
 def _show_small(ax, test, force):
     """Limit the panel to the strains and loads of the condition that recovers."""
     recovered = [
@@ -137,6 +140,14 @@ def _show_small(ax, test, force):
     ]
     shown = test.sel(variant=recovered[:1]) if recovered else test
     share = 1.15 if recovered else 0.1
+    if len(recovered) == test.sizes["variant"]:  # nothing else to be smaller than
+        share = SMALL
+        loaded = shown.isel(variant=0).force_per_width
+        low = shown.strain.isel(variant=0) if shown.strain.ndim > 1 else shown.strain
+        near = low.values[np.flatnonzero(loaded.values <= share * float(loaded.max()))]
+        ax.set_ylim(top=share * float(force.sel(variant=shown.variant).max()))
+        ax.set_xlim(0.0, 1.1 * from_si(float(near.max()), "percent"))
+        return
     ax.set_ylim(top=share * float(force.sel(variant=shown.variant).max()))
     ax.set_xlim(0.0, 1.1 * from_si(float(shown.strain.max()), "percent"))
 

@@ -70,6 +70,9 @@ def value_text(value, units):
     return number, label(unit) if unit else ""
 
 
+MOST_TOLD = 3  # calibrated values in a panel
+
+
 def _parameters_text(dataset):
     """Calibrated values with their intervals, one line each."""
     lines = []
@@ -80,6 +83,10 @@ def _parameters_text(dataset):
         lines.append(
             f"{str(name).replace('_', ' ')} {value} {unit} [{low}, {high}]".replace("  ", " ")
         )
+    if len(lines) > MOST_TOLD:  # all inputs: those that the curves narrow most
+        kept = np.argsort(dataset.posterior_over_prior.values)[:MOST_TOLD]
+        more = f"and {len(lines) - MOST_TOLD} more, in tables/calibration.csv"
+        lines = [*(lines[k] for k in kept), more]
     return "\n".join(lines)
 
 
@@ -171,6 +178,7 @@ def fig30_calibration(measured):
     )
     first = next(iter(datasets.values()))
     panels.heading(fig, f"calibrated on measured curves, {direction} direction", 30, first)
+    found = []
     for number, (ax, (name, dataset)) in enumerate(zip(axes.flat, datasets.items(), strict=False)):
         _strain_line(ax, dataset, direction, looks[name])
         curves = _curves_of(dataset, direction)
@@ -189,10 +197,15 @@ def fig30_calibration(measured):
             Patch(color=looks[name]["color"], alpha=_BAND, label=f"band: {covers}"),
         ]
         ax.legend(handles=handles, loc="upper left", fontsize=6.3)
-        found = "" if is_given(dataset) else _parameters_text(dataset)
-        ax.text(0.985, 0.03, found, transform=ax.transAxes, ha="right", va="bottom", fontsize=6.3)
-    # Room for the legends above all curves; the panels share their axes.
-    axes.flat[0].set_ylim(top=(1.05 + 0.09 * len(handles)) * axes.flat[0].get_ylim()[1])
+        found.append("" if is_given(dataset) else _parameters_text(dataset))
+    # Room for the legends, and what was found below them, above all curves; the panels share their axes.
+    legend, lines = 0.09 * len(handles), max(text.count("\n") + bool(text) for text in found)
+    room = 1.05 + legend + 0.07 * lines
+    axes.flat[0].set_ylim(top=room * axes.flat[0].get_ylim()[1])
+    for ax, text in zip(axes.flat, found, strict=False):
+        ax.text(
+            0.03, 1.0 - (legend + 0.04) / room, text, transform=ax.transAxes, va="top", fontsize=6.3
+        )
     for ax in axes.flat[len(datasets) :]:
         ax.set_visible(False)
     return fig

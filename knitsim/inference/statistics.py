@@ -121,16 +121,11 @@ def spread(values, residual, jacobian, scale, groups, weight=None):
 
 
 def neighbour_correlation(residual, groups):
-    """Correlation of neighbouring residuals within the groups, about zero; 0 for fewer than 4."""
-    total, pairs = 0.0, 0
-    for group in np.unique(groups):
-        r = residual[groups == group]
-        total += float(r[1:] @ r[:-1])
-        pairs += len(r) - 1
-    square = float(residual @ residual)
-    if pairs < 3 or not square > 0:
-        return 0.0
-    return total / pairs / (square / len(residual))
+    """Correlation of neighbouring residuals within the groups, about zero; 0 for fewer than 3 pairs."""
+    same = groups[1:] == groups[:-1]
+    one, next_ = residual[:-1][same], residual[1:][same]
+    size = np.linalg.norm(one) * np.linalg.norm(next_)
+    return float(one @ next_ / size) if len(one) >= 3 and size > 0 else 0.0
 
 
 def warnings_of(names, values, bounds, spread_):
@@ -142,7 +137,8 @@ def warnings_of(names, values, bounds, spread_):
             if abs(values[i] - end) <= ON_BOUND * (high - low):
                 found.append(
                     f"{name} sits on its {what} bound: the data want it beyond, so that its interval "
-                    "and those of the others hold only as far as the bound is right"
+                    "and those of the others hold only as far as the bound is right (bounds: of the "
+                    "calibration moves it)"
                 )
         ends = np.clip(spread_.interval[i], low, high)
         if ends[1] - ends[0] >= UNKNOWN * (high - low):

@@ -9,6 +9,7 @@ from knitsim.kes.bending_test import bending
 from knitsim.units import from_si
 
 # Direction that becomes curved: the edges that roll up then, and where plain jersey is known to roll.
+NONE = 1e-3  # of B at a curvature of 1 per cm: a moment that is less is the solver's error
 EDGES = {"course": ("sides", "back"), "wale": ("top and bottom", "face")}
 
 
@@ -27,6 +28,11 @@ class Curl:
     why_not: str = ""
     bound: float = math.nan
     is_above: bool = False
+
+
+def is_none(moment, rigidity):
+    """Whether a moment (gf cm/cm) at no curvature is nothing beside B (gf cm2/cm): face and back alike."""
+    return abs(moment) <= NONE * abs(rigidity)
 
 
 def rolls_to(moment, error):
@@ -53,6 +59,8 @@ def curl(curvature, moment_per_width, error, cycle):
     between = 0.0 if (curvature == 0.0).any() else np.nan_to_num(moment.error)
     uncertain = error[flat] + between
     known = moment.value, moment.kes_value, uncertain, rolls_to(moment.value, uncertain)
+    if "B" in found and is_none(moment.kes_value, found["B"].kes_value):
+        return Curl(0.0, 0.0, max(uncertain, abs(moment.value)), "neither", 0.0, 0.0)
     if "K0" in found:
         at = found["K0"]
         near = int(np.argmin(np.abs(curvature - at.value)))

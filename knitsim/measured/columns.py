@@ -387,9 +387,13 @@ def _compare(table, quantity, taken, rival, values, rows, conditions):
     derived = one.quantity != other.quantity
     if derived and (other.unit is None or apart <= ALIKE):
         return f"{other.text!r} is not used; it differs by up to {100 * apart:.2g} % of the range"
+    if "yarn" in other.text.lower() and "yarn" not in one.text.lower():
+        return f"{other.text!r} is not used beside {one.text!r}"
     both = f"{one.text!r} and {other.text!r}"
+    # The unit of the heading counts, where it has one.
+    key = one.quantity.replace(" ", "_") if one.unit else example(one.quantity)
     raise InputError(
         f"{table.where}:{table.header_line}", both,
         f"only one column may give the {quantity.replace('_', ' ')}, and these differ: state columns: "
-        f"{{{example(one.quantity)}: {one.text!r}}} or the other",
+        f"{{{key}: {one.text!r}}} or the other",
     )  # fmt: skip

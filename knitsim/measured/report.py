@@ -101,7 +101,9 @@ def main(arguments=None):
             cycle=given.cycle, zero=given.zero, slack=given.slack, **stated,
         )  # fmt: skip
     except InputError as error:
-        print(f"knitsim: {error}", file=sys.stderr)
+        # What is stated in a study is an option here.
+        here = " (here: --column, --unit, --skip, --zero, --slack, --state KEY=VALUE)"
+        print(f"knitsim: {error}{here if 'state ' in str(error) else ''}", file=sys.stderr)
         return 1
     print(report(test))
     if given.plot:

@@ -91,7 +91,10 @@ def _of_parameter(value, low, high, bounds):
         return "not determined by the data: its interval is all that is allowed"
     for end, bound in zip(("lowest", "highest"), bounds, strict=True):
         if value == bound:
-            return f"on its {end} value allowed: the data want it beyond"
+            return (
+                f"on its {end} value allowed: the data want it beyond (bounds: of the calibration "
+                "moves it)"
+            )
     text = f"within {50.0 * (high - low) / abs(value):.3g} % (95 %)"
     cut = [end for end, at, bound in (("lowest", low, bounds[0]), ("highest", high, bounds[1]))
            if at == bound]  # fmt: skip

@@ -6,7 +6,7 @@ from knitsim.errors import ComputationError, InputError
 
 
 def alternatives(resolved, stages):
-    """(row, value) for each other value of each assumption that matters to ``stages``.
+    """(row, value) for each other value of each assumption that changes what ``stages`` take.
 
     resolved: YarnInput or FabricInput.  A range gives its two ends, choices all but the one taken.
     """
@@ -14,7 +14,18 @@ def alternatives(resolved, stages):
         if not row.path or not stages.intersection(row.stages):
             continue
         values = [row.low, row.high] if row.low is not None else row.choices
-        yield from ((row, value) for value in values if value != row.value)
+        yield from ((row, value) for value in values if _matters(resolved, row, value, stages))
+
+
+def _matters(resolved, row, value, stages):
+    """Whether a result of ``stages`` may change: of a modulus from which nothing follows none does."""
+    if value == row.value:
+        return False
+    try:
+        other = resolved.with_value(row.path, value)
+    except InputError:
+        return True  # and is told as refused
+    return other.values_of(stages) != resolved.values_of(stages)
 
 
 def effect_dataset(resolved, stages, headlines):

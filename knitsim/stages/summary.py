@@ -6,6 +6,7 @@ equilibrium before the kinematic one, with friction before without.
 
 import numpy as np
 
+from knitsim.kes.curl import is_none
 from knitsim.stages.calibration_tables import ROUGHLY, grade
 from knitsim.store.reader import opened, stopped
 from knitsim.store.results import DIRECTIONS
@@ -74,6 +75,7 @@ def write_summary(study, results, kes, path):
                 row["stopped"].append(f"{where}: {dataset.attrs[said]}")
     for dataset in opened(kes):
         _read(rows[dataset.attrs["fabric"]], dataset)
+        _without_noise(rows[dataset.attrs["fabric"]])
     for about, why in stopped(results):
         # A yarn that was stopped stops every fabric of it.
         for name, row in rows.items():
@@ -175,6 +177,16 @@ def _read(row, dataset):
                 row["left_out"].append(
                     f"{parameter.replace('_', ' ')} {direction}: {min(found, key=_rank)['left_out']}"
                 )
+
+
+def _without_noise(row):
+    """A curl that is the solver's error is told as none."""
+    for direction in DIRECTIONS:
+        moment, rigidity = (
+            row[f"{name}_{direction}"] for name in ("curl_moment_gf_cm_per_cm", "B_gf_cm2_per_cm")
+        )
+        if moment and rigidity and is_none(float(moment), float(rigidity)):
+            row[f"curl_moment_gf_cm_per_cm_{direction}"] = "0"
 
 
 def _rank(one):

@@ -91,7 +91,8 @@ def _effect_columns(row, found):
     texts = [f"{v}: {', '.join(filter(None, t)) or 'none'}" for v, t in by_value.items()]
     known = [(abs(effect), f"{value}: {text}") for value, effect, text in found if text]
     known = [pair for pair in known if np.isfinite(pair[0])]
-    largest = max(known)[1] if known else "below 0.005 %"
+    refused = [f"{value}: {text}" for value, effect, text in found if not np.isfinite(effect)]
+    largest = max(known)[1] if known else refused[0] if refused else "below 0.005 %"
     return {"largest_effect": largest, "effect": "; ".join(texts)}
 
 

@@ -153,6 +153,10 @@ class Resolved:
                 part[inner.name] = self.values[inner.name]
         return part
 
+    def values_of(self, stages):
+        """The values that matter to ``stages``, of this object and of what it refers to."""
+        return [one._part(stages) for one in (self, *(getattr(self, part) for part in self.parts))]
+
     def as_json(self):
         """:meth:`as_dict` as JSON on one line, the same bytes for the same input."""
         return json.dumps(self.as_dict(), allow_nan=False, ensure_ascii=False)

@@ -181,7 +181,7 @@ YARN = Section(
             stages=("centre_line",)),
         Key("fibre_modulus_GPa", "fibre_modulus", "number",
             "Young's modulus of the fibre, for its own bending.", unit="GPa", allowed="[0, 1000]",
-            default=8.0, plausible=(2.0, 20.0), stages=("yarn",),
+            default=8.0, plausible=(2.0, 20.0), stages=("yarn", "equilibrium"),
             because="wool and nylon near 2 GPa, cotton 5 to 12, polyester to 20"),
         Key("diameter_mm", "diameter", "number", "Yarn diameter.", unit="mm", allowed="(0, 20]",
             default=diameter_rule, plausible=(0.95, 1.15), stages=("yarn", "centre_line"),
