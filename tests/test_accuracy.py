@@ -285,9 +285,10 @@ def test_what_was_measured_and_how_well_a_parameter_is_read_is_said():
         {"calibration": "core"},
     )
     assert _agreement(found) == "core: wale fitted, 7.12 % rms, course not reached"
-    # A fit that is none is said so; a prediction that is none is what was to be seen.
+    # A fit that is none is said so.
     found["misfit_rms"][:] = [0.69, 0.69]
-    text = "core: wale does NOT FIT, agrees not at all: 69 % rms, course predicted, 69 % rms"
+    text = "core: wale does NOT FIT, agrees not at all: 69 % rms, "
+    text += "course predicted, agrees not at all: 69 % rms"
     assert _agreement(found) == text
     # 0.2 of 4 in SI is 5 %, of 40 in the instrument's unit 2.
     parameter = {"value": "4", "error": "0.2", "kes_value": "40"}

@@ -227,8 +227,12 @@ def test_a_density_that_nobody_stated_is_no_number():
 def test_what_nobody_stated_is_printed_in_ten_lines():
     assumed = ks.Fabric(ks.Yarn(count_tex=20), loop_length_mm=2.9).assumptions()
     lines = repr(assumed).splitlines()
-    assert lines[0].startswith("fabric.set = 0 (0 to 0.9): ") and len(lines) == 10
-    assert f"{len(assumed) - 9} more" in lines[-1] and len(assumed.to_dataframe()) == len(assumed)
+    assert lines[0].startswith("fabric: set = 0 (0 to 0.9); ") and len(lines) <= 10
+    told = " ".join(line.strip() for line in lines)
+    assert all(f"{row.key} = " in told for row in assumed)
+    assert "to_dataframe()" in lines[-1] and len(assumed.to_dataframe()) == len(assumed)
+    few = type(assumed)(assumed[:2])
+    assert repr(few).splitlines()[0].startswith("fabric.set = 0 (0 to 0.9): not stated")
 
 
 def test_pulling_is_the_solver_and_friction_is_on(rest, results):

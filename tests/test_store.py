@@ -324,9 +324,11 @@ def test_open_store_says_what_there_is(store, labels, words):
         assert word in message
 
 
-@pytest.mark.parametrize("folder", ["", "nowhere"])
-def test_open_store_of_nothing_says_so(tmp_path, folder):
-    with pytest.raises(InputError, match="it is empty"):
+@pytest.mark.parametrize(
+    ("folder", "says"), [("", "it is empty"), ("nowhere", "no such directory")]
+)
+def test_open_store_of_nothing_says_so(tmp_path, folder, says):
+    with pytest.raises(InputError, match=says):
         open_store(tmp_path / folder)
 
 

@@ -172,7 +172,8 @@ FIGURES = (
     ),
     Figure(
         "fig19_bent_shapes", "solved", "equilibrium_bending", "fabric", _BENT,
-        "The fabric bent to either side in the equilibrium model, and both models from the side.",
+        "The fabric bent to either side in the equilibrium model; where the kinematic one was solved, both"
+        " from the side.",
         _BENDING,
     ),
     Figure(

@@ -135,7 +135,8 @@ def fig19_bent_shapes(bent_course, bent_wale, bending_course=None, bending_wale=
     kinematic = {"course": bending_course, "wale": bending_wale}
     shown = {k: test for k, test in kinematic.items() if test is not None and "centreline" in test}
     fig = style.page(height_mm=95.0 + 42.0 * len(shown))
-    panels.heading(fig, "as Fig. 11 in equilibrium, and both models from the side", 19, bent_course)
+    side = ", and both models from the side" if shown else ""
+    panels.heading(fig, f"bent to both sides in equilibrium{side}", 19, bent_course)
     heights = [1.0, 1.25, *[1.1] * len(shown)]
     rows = list(fig.add_gridspec(len(heights), 1, height_ratios=heights))
     keys = iter(panels.LETTERS)

@@ -294,7 +294,7 @@ def shear(
     >>> import knitsim as ks
     >>> fabric = ks.Fabric(ks.Yarn(count_tex=19.7, bending_rigidity_N_mm2=2e-3), loop_length_mm=2.9)
     >>> ks.shear(fabric, to_deg=4, states=4, friction=False)
-    <Shear: 16 states to 4 degrees, 1.2 gf/cm there, error 0.3 %>
+    <Shear: 16 states to 4 degrees, 1.2 gf/cm there, error 0.05 %>
     """
     return Shear(to_deg, tension_gf_per_cm, friction, states).run(fabric)
 

@@ -58,6 +58,7 @@ def curl_table(files, path):
     for dataset in opened(files, kind="bending"):
         about = [dataset.attrs[label] for label in ("fabric", "model", "direction")]
         edges, known = EDGES[about[-1]]
+        known = known if dataset.attrs["pattern"] == "jersey" else ""
         for variant, one in kes.variants_of(dataset):
             if not one.sizes["step"]:
                 continue

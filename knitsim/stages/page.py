@@ -4,6 +4,7 @@ import base64
 import csv
 import hashlib
 import io
+import sys
 from pathlib import Path
 
 import jinja2
@@ -32,13 +33,19 @@ KES = {
 
 def write_page(study, path):
     """Write the page of a Study whose results lie in the directory of ``path``."""
-    content = page_of(study, Path(path).parent)
+    content, left = page_of(study, Path(path).parent)
+    if left:
+        print(
+            f"knitsim: {len(left)} result files are of yarns or fabrics that the study no longer has, "
+            f"such as {left[0]}; the page lists them",
+            file=sys.stderr, flush=True,
+        )  # fmt: skip
     with replacing(path) as partial:
         partial.write_text(content, encoding="utf-8")
 
 
 def page_of(study, root):
-    """The HTML of the page; same results, same bytes."""
+    """(HTML of the page, files of what the study no longer has); same results, same bytes."""
     loader = jinja2.FileSystemLoader(Path(__file__).parent)
     environment = jinja2.Environment(
         loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True
@@ -52,7 +59,7 @@ def page_of(study, root):
     # A stable sort: the first figure of each fabric, then the others in their order.
     embedded = set(sorted(pictures, key=lambda png: FIRST not in png)[:MOST_EMBEDDED])
     files, left = _provenance(study, root)
-    return environment.get_template("page.html").render(
+    html = environment.get_template("page.html").render(
         version=knitsim.__version__,
         summary=rows["summary"],
         fabrics=[
@@ -80,6 +87,7 @@ def page_of(study, root):
         files=files,
         left=left,
     )
+    return html, left
 
 
 def _rows(path):

@@ -105,16 +105,13 @@ def _agreement(dataset):
     for curve, role, rms, mean in zip(
         *(dataset[n].values for n in ("curve", "curve_role", "misfit_rms", "misfit_mean")), strict=True
     ):  # fmt: skip
-        text = (
-            f"{curve} {role}, {100.0 * rms:.3g} % rms"
-            if np.isfinite(rms)
-            else f"{curve} not reached"
-        )
-        # A fit that is none is no calibration.
-        told.append(
-            f"{curve} does NOT FIT, {grade(float(rms), float(mean))}"
-            if role == "fitted" and not rms <= ROUGHLY else text
-        )  # fmt: skip
+        if not np.isfinite(rms):
+            told.append(f"{curve} not reached")
+        elif rms <= ROUGHLY:
+            told.append(f"{curve} {role}, {100.0 * rms:.3g} % rms")
+        else:  # a fit that is none is no calibration
+            how = "does NOT FIT" if role == "fitted" else role
+            told.append(f"{curve} {how}, {grade(float(rms), float(mean))}")
     return f"{dataset.attrs['calibration']}: {', '.join(told)}"
 
 

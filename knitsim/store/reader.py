@@ -42,6 +42,8 @@ def open_store(
     use it as a context manager.
     """
     root = Path(root)
+    if not root.is_dir():
+        raise InputError(str(root), None, "no such directory; knitsim run DIR makes DIR/results")
     asked = (kind, yarn, fabric, pattern, model, direction, calibration)
     wanted = {n: value for n, value in zip(LABELS, asked, strict=True) if value is not None}
     found, seen = {}, {}

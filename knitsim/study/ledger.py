@@ -1,6 +1,7 @@
 """The assumption ledger: every input that nobody gave, with its reason and plausible range."""
 
 from dataclasses import asdict, dataclass
+from textwrap import wrap
 
 from knitsim.study.schema import MODEL_ASSUMPTIONS
 
@@ -36,23 +37,32 @@ class Assumption:
 
 
 class Ledger(list):
-    """A list of :class:`Assumption` that is printed a row a line, ten lines at most."""
+    """A list of :class:`Assumption`, printed a row a line, or all of a subject together, without reasons."""
 
     LINES = 9
 
     def __repr__(self):
-        lines = []
-        for row in self[: self.LINES]:
-            value, low, high = (
-                f"{one:.4g}" if isinstance(one, float) else str(one)
-                for one in (row.value, row.low, row.high)
-            )
-            unit = "" if row.unit == "1" else f" {row.unit}"
-            between = "" if row.low is None else f" ({low} to {high})"
-            lines.append(f"{row.subject}.{row.key} = {value}{unit}{between}: {row.because}")
-        if len(self) > self.LINES:
-            lines.append(f"... {len(self) - self.LINES} more; to_dataframe() has all")
-        return "\n".join(lines)
+        if len(self) <= self.LINES:
+            return "\n".join(f"{row.subject}.{self._value(row)}: {row.because}" for row in self)
+        of = {}
+        for row in self:
+            of.setdefault(row.subject, []).append(self._value(row))
+        lines = [
+            line
+            for subject, told in of.items()
+            for line in wrap(f"{subject}: {'; '.join(told)}", 110, subsequent_indent="  ")
+        ]
+        more = [*lines[: self.LINES - 1], "..."] if len(lines) > self.LINES else lines
+        return "\n".join([*more, "to_dataframe() has the reasons"])
+
+    def _value(self, row):
+        value, low, high = (
+            f"{one:.4g}" if isinstance(one, float) else str(one)
+            for one in (row.value, row.low, row.high)
+        )
+        unit = "" if row.unit == "1" else f" {row.unit}"
+        between = "" if row.low is None else f" ({low} to {high})"
+        return f"{row.key} = {value}{unit}{between}"
 
     def to_dataframe(self):
         """One row an assumption (pandas)."""

@@ -297,6 +297,8 @@ def _scene_of(resolved, scenes, of):
     known = [scene.name for scene in scenes.values() if scene.of == of]
     if name not in known:
         right = f"is a scene of a {scenes[name].of}" if name in scenes else "no such scene"
+        if not resolved.states("scene"):
+            right = f"is what is taken where nothing is stated, and {right}"
         raise InputError(
             resolved.where("scene"),
             shown(name),
