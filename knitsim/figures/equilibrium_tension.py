@@ -90,9 +90,12 @@ def _curves(row, test, direction, letters):
             x = from_si(touch, "percent")
             ax.axvline(x, color=style.GREY, linewidth=0.8, linestyle=(0, (1, 2)), zorder=0)
             if ax is row[1]:
-                at = {"xycoords": ax.get_xaxis_transform(), "ha": "right", "va": "top"}
+                # On the side where there is room.
+                side, shift = ("left", 3) if x < 0.25 * ax.get_xlim()[1] else ("right", -3)
+                at = {"xycoords": ax.get_xaxis_transform(), "ha": side, "va": "top"}
                 said = f"legs\ntouch\n{x:.0f} %"
-                panels.say(ax, said, (x, 0.97), (-3, 0), fontsize=6, **at)
+                if x <= ax.get_xlim()[1]:
+                    panels.say(ax, said, (x, 0.97), (shift, 0), fontsize=6, **at)
 
 
 def strain_of_touch(curve):

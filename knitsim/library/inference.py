@@ -191,7 +191,7 @@ class Prediction:
         if self._y == "strain":
             force = from_si(self["force_per_width"], "gf_per_cm")
             axes.plot(100 * self["strain"], force, **line)
-            axes.fill_betweenx(force, 100 * low, 100 * high, label="band", **band)
+            axes.fill_betweenx(force, 100 * low, 100 * high, label="95 % band", **band)
             axes.set(
                 xlabel=f"Strain along the {self.direction} (%)", ylabel="Force per width (gf/cm)"
             )
@@ -199,7 +199,7 @@ class Prediction:
             at = from_si(self["curvature"], "per_cm")
             moment, low, high = (from_si(one, "gf") for one in (self[self._y], low, high))
             axes.plot(at, moment, **line)
-            axes.fill_between(at, low, high, label="band", **band)
+            axes.fill_between(at, low, high, label="95 % band", **band)
             axes.set(xlabel=CURVATURE, ylabel=CHANGE)
         axes.legend(frameon=False)
         return axes
