@@ -110,6 +110,18 @@ def test_exchanged_wales_and_courses_are_asked_about():
         ({"loop_length_mm": 0.29}, "loop_length_mm: 2.9"),
         ({"loop_length_mm": 29.0}, "loop_length_mm: 2.9"),
         ({"loop_length_mm": 0.114}, "loop_length_mm: 2.896"),
+        (
+            {"loop_length_mm": 2.9, "wales_per_cm": 36, "courses_per_cm": 50},
+            "wales_per_inch: 36, courses_per_inch: 50",
+        ),
+        (
+            {"tightness_factor": 15, "wales_per_cm": 36, "courses_per_cm": 50},
+            "wales_per_inch: 36, courses_per_inch: 50",
+        ),
+        (
+            {"gsm": 150, "wales_per_cm": 36, "courses_per_cm": 50},
+            "wales_per_inch: 36, courses_per_inch: 50",
+        ),
     ],
 )
 def test_a_loop_in_another_unit_than_its_density_is_asked_about(stated, meant):

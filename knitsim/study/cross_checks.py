@@ -203,7 +203,7 @@ def _check_density(fabric):
     if fabric["density_checked"] or not fabric.is_stated("wale_spacing"):
         return
     wales, courses = 1e-2 / w, 1e-2 / c
-    if fabric.is_stated("course_spacing") and "loop_length" not in fabric.derived:
+    if fabric.is_stated("course_spacing"):
         _check_loops(fabric, wales, courses)
     if c <= MOST_WALES * w:
         return
@@ -221,17 +221,23 @@ def _check_loops(fabric, wales, courses):
     found = wales * courses * loop**2 / 100.0
     if LOOPS[0] / 3.0 <= found <= LOOPS[1] * 3.0:
         return
-    for meant, by in (
+    of_loop = (
         (f"loop_length_mm: {10.0 * loop:.4g}", 100.0),
         (f"loop_length_mm: {0.1 * loop:.4g}", 0.01),
         (f"loop_length_mm: {25.4 * loop:.4g}", 25.4**2),
-    ):
+    )
+    derived = "loop_length" in fabric.derived
+    by_mass = derived and fabric.is_stated("mass_per_area")
+    # Of a loop that mass and density give, the density counts twice.
+    inch = f"wales_per_inch: {wales:.4g}, courses_per_inch: {courses:.4g}"
+    of_density = ((inch, 2.54 ** (2 if by_mass else -2)),)
+    for meant, by in of_density if derived else (*of_loop, *of_density):
         if LOOPS[0] / 1.5 <= found * by <= LOOPS[1] * 1.5:
             raise InputError(
-                *fabric.stated("loop_length"),
-                f"with {wales:.4g} wales and {courses:.4g} courses per cm makes kc kw {found:.3g}, and plain "
-                f"fabrics have {LOOPS[0]:g} to {LOOPS[1]:g}: is {meant} meant? Else state "
-                "density_checked: true",
+                *fabric.stated("wale_spacing" if meant == inch else "loop_length"),
+                f"with {wales:.4g} wales and {courses:.4g} courses per cm and a loop of {loop:.4g} mm makes "
+                f"kc kw {found:.3g}, and plain fabrics have {LOOPS[0]:g} to {LOOPS[1]:g}: is {meant} meant? "
+                "Else state density_checked: true",
             )
 
 
