@@ -153,6 +153,22 @@ class _Files(caching.FunctionCache):
     def _index_key(self, sig, codegen):
         return super()._index_key(sig, codegen) + (self.way_in,)
 
+    def load_overload(self, sig, target_context):
+        found = super().load_overload(sig, target_context)
+        if found is None:
+            _say_once()
+        return found
+
+
+@functools.cache
+def _say_once():
+    """Tell a person who waits, at a terminal or in a notebook, what for."""
+    if sys.stderr.isatty() or "ipykernel" in sys.modules:
+        print(
+            "knitsim: compiling for this machine, once; up to half a minute",
+            file=sys.stderr, flush=True,
+        )  # fmt: skip
+
 
 class _Kernel(CPUDispatcher):
     """Numba's kernel, with a way in from Python where Python calls it."""
