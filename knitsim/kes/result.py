@@ -105,7 +105,7 @@ class Evaluation:
             told.append(f"{one.name} {one.kes_value:.3g}{unit}")
         unsure = [p.name for p in self.parameters.values() if not p.error <= UNSURE * abs(p.value)]
         told = ", ".join(told) or "nothing could be read"
-        told += f"; too few points for: {', '.join(unsure)}" if unsure else ""
+        told += f"; poorly known between so few states: {', '.join(unsure)}" if unsure else ""
         lacking = {
             n: self.left_out[n]
             for n in MAIN
