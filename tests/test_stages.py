@@ -224,7 +224,7 @@ def small_with(folder, file, key, value):
 
 @pytest.mark.parametrize(
     ("file", "key", "value"),
-    [("fabrics.yaml", "loop_length_mm", 2.2), ("fabrics.yaml", "loop_length_mm", 9),
+    [("fabrics.yaml", "loop_length_mm", 2.2), ("fabrics.yaml", "loop_length_mm", 7),
      ("yarns.yaml", "diameter_mm", 0.3)],
 )  # fmt: skip
 def test_a_fabric_far_from_its_stated_density_still_finds_its_own(tmp_path, file, key, value):

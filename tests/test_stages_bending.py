@@ -19,7 +19,7 @@ from knitsim.equilibrium.fabric import Fabric, Resolution
 from knitsim.equilibrium.relax import relax
 from knitsim.errors import InputError
 from knitsim.kes import rigidity as short
-from knitsim.kes.curl import rolls_to
+from knitsim.kes.curl import is_none, rolls_to
 from knitsim.stages import equilibrium_bending as bending
 from knitsim.stages import kes, vtk_states, yarn_to_fabric
 from knitsim.stages.equilibrium import settings_of, solver_fabric
@@ -177,7 +177,7 @@ def test_vtk_shows_each_curvature_once(tested, tmp_path):
 # Tables
 
 
-def ideal(direction, offset, rigidity, half_width, most=250.0, error=0.0):
+def ideal(direction, offset, rigidity, half_width, most=250.0, error=0.0, pattern="jersey"):
     """Dataset of a test whose moment is offset + rigidity curvature +- half_width."""
     x = most * np.concatenate(
         [np.linspace(0, 1, 11), np.linspace(1, -1, 21)[1:], np.linspace(-1, 0, 11)[1:]]
@@ -195,7 +195,7 @@ def ideal(direction, offset, rigidity, half_width, most=250.0, error=0.0):
             "cycle": (("variant", "step"), [np.ones(41, dtype=int)]),
         },
         {
-            **labels_of("equilibrium_bending", "f", "y", direction=direction),
+            **labels_of("equilibrium_bending", "f", "y", direction=direction, pattern=pattern),
             "configuration": json.dumps({"name": "f"}),
             "assumptions": "[]",
         },
@@ -253,6 +253,20 @@ def test_curl_table_names_side_and_curvature(tmp_path):
     assert course["curvature_at_zero_moment_per_cm"] == "not reached: above 2.5"
     assert "not extrapolated" in course["why_not"]
     assert rolls_to(1e-3, 2e-3) == "neither"
+
+
+def test_a_curl_that_is_the_solvers_error_is_none(tmp_path):
+    """Of a rib, whose face and back are alike: 1e-8 N beside a moment of 1.25e-3 N at 2.5 per cm."""
+    path = stored(
+        tmp_path, "wale", offset=1e-8, rigidity=5e-6, half_width=0.0, error=0.0, pattern="kp"
+    )
+    curl_table([path], tmp_path / "curl.csv")
+    (row,) = read(tmp_path / "curl.csv")
+    assert float(row["moment_at_zero_curvature_N"]) == 0.0
+    assert (row["rolls_to"], row["known_to_roll_to"]) == ("neither", "")
+    assert float(row["curvature_at_zero_moment_per_cm"]) == 0.0
+    # What is more than a thousandth of the moment at 1 per cm is told.
+    assert not is_none(1.1e-3, 1.0) and is_none(-0.9e-3, 1.0)
 
 
 # Yarn to fabric
