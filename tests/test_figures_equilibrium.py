@@ -194,7 +194,7 @@ def test_energies_stack_up_to_the_work_done(datasets, figures):
         for part in (slice(0, turn + 1), slice(turn, None))
     ]
     share = 1.0 - both[1] / both[0]
-    shown = float(re.search(r"work not given back (\d+) %", left)[1])
+    shown = float(re.search(r"work lost (\d+) %", left)[1])
     assert shown == pytest.approx(100.0 * share, abs=4.0)  # between so few states
     assert f"strain left {100 * float(curve.strain[-1]):.1f} %" in left
 

@@ -162,7 +162,7 @@ def _say_left_over(ax, curve):
     work = curve.work.values - float(curve.work[0])
     lost = from_si(float(work[down[-1]] / work[up[-1]]), "percent")
     left = from_si(float(curve.strain[down[-1]]), "percent")
-    text = f"strain left {left:.1f} %\nwork not given back {lost:.0f} %"
+    text = f"strain left {left:.1f} %\nwork lost {lost:.0f} %"
     panels.say(ax, text, (0.05, 0.06), xycoords="axes fraction", va="bottom")
 
 
