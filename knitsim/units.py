@@ -217,6 +217,17 @@ def label(unit):
     return text if over == unit else f"1/{text}"
 
 
+# SI units of a calibrated parameter, and those in which its key states it.
+READ_IN = {"m": "mm", "N m2": "N_mm2", "N m-3": "N_per_mm3", "N m-1": "N_per_m"}
+
+
+def value_text(value, units):
+    """A parameter's value (SI) in the unit of its key, and that unit as it is written, both as text."""
+    unit = READ_IN.get(units)
+    number = f"{from_si(value, unit) if unit else value:.3g}"
+    return number, label(unit) if unit else ""
+
+
 def peirce_diameter(linear_density):
     """Yarn diameter (m) after Peirce, 1/(28 sqrt(Ne)) inch, from the linear density (kg m-1).
 

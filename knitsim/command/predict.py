@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from knitsim.errors import InputError
-from knitsim.study.measured_keys import PARAMETERS
-from knitsim.units import from_si, label
+from knitsim.units import from_si, value_text
 
 LINES = 5  # of a predicted curve
 DIRECTIONS = ("course", "wale")
@@ -129,14 +128,13 @@ def said(dataset, directions=DIRECTIONS):
     lines = ["input: before -> after (95 %), deviation left"]
     for k, name in enumerate(dataset.parameter.values):
         one = dataset.isel(parameter=k)
-        before, after = one.parameter_bound.values, one.fitted_interval.values
-        unit = PARAMETERS[name].unit if name in PARAMETERS else None
-        if unit:  # as its key has it
-            before, after = from_si(before, unit), from_si(after, unit)
-        of = f" {label(unit)}" if unit else ""
+        bounds = np.concatenate([one.parameter_bound.values, one.fitted_interval.values])
+        (low, unit), (high, _), (least, _), (most, _) = (
+            value_text(bound, str(one.parameter_units.values)) for bound in bounds
+        )
         lines.append(
-            f"  {str(name).replace('_', ' ')}: {before[0]:.3g} to {before[1]:.3g} -> {after[0]:.3g} to "
-            f"{after[1]:.3g}{of}, {100 * float(one.posterior_over_prior):.0f} %"
+            f"  {str(name).replace('_', ' ')}: {low} to {high} -> {least} to {most} {unit}".rstrip()
+            + f", {100 * float(one.posterior_over_prior):.0f} %"
         )
     force = dataset.predicted_force_per_width.values
     lines.append(

@@ -120,7 +120,7 @@ def followed(command, log):
                         of = re.sub(r"\w+=", "", found[2]).strip()
                         at_work[job] = (f"{rule} {of}", at_work[job][1])
                 elif found := _ENDED.match(line):
-                    ended = at_work.pop(found[1], (found[2],))[0]
+                    ended = at_work.pop(found[1], (found[2].replace("_", " "),))[0]
                 elif found := _STEPS.match(line):
                     print(f"[{found[1]:>{len(found[2])}}/{found[2]}] {ended}", flush=True)
                     shown = time.monotonic()

@@ -283,8 +283,9 @@ def _off(one, other, curve, shift=0.0):
     """
     off = np.abs(_at(one, curve) - shift - _at(other, curve))
     if (curve.place < 0.0).any():
-        flat = (curve.place == 0.0) & (curve.segment == 0) & curve.model.fabric.pattern.balanced
-        return np.where(flat & isinstance(curve, BendingCurve), off, _neighbourhood(off))
+        balanced = isinstance(curve, BendingCurve) and curve.model.fabric.pattern.balanced
+        flat = (curve.place == 0.0) & (curve.segment == 0)
+        return np.where(flat & balanced, off, _neighbourhood(off))
     scale = counted_scale(curve.value, curve.place, curve.segment)
     for segment in np.unique(curve.segment):
         mine = curve.segment == segment

@@ -142,17 +142,12 @@ def _show_small(ax, test, force):
         name for name in stored.readings(test) if solved.is_recovered(test.sel(variant=name))
     ]
     shown = test.sel(variant=recovered[:1]) if recovered else test
-    share = 1.15 if recovered else 0.1
+    share, strain = 1.15 if recovered else 0.1, shown.strain
     if len(recovered) == test.sizes["variant"]:  # nothing else to be smaller than
-        share = SMALL
-        loaded = shown.isel(variant=0).force_per_width
-        low = shown.strain.isel(variant=0) if shown.strain.ndim > 1 else shown.strain
-        near = low.values[np.flatnonzero(loaded.values <= share * float(loaded.max()))]
-        ax.set_ylim(top=share * float(force.sel(variant=shown.variant).max()))
-        ax.set_xlim(0.0, 1.1 * from_si(float(near.max()), "percent"))
-        return
+        share, load = SMALL, shown.force_per_width
+        strain = strain.where(load <= SMALL * load.max())
     ax.set_ylim(top=share * float(force.sel(variant=shown.variant).max()))
-    ax.set_xlim(0.0, 1.1 * from_si(float(shown.strain.max()), "percent"))
+    ax.set_xlim(0.0, 1.1 * from_si(float(strain.max()), "percent"))
 
 
 def _say_left_over(ax, curve):

@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from knitsim.figures import panels, style
-from knitsim.units import from_si, label
+from knitsim.units import READ_IN, from_si, label, value_text
 
 FORCE = "N_per_mm"
 _COLOURS = (
@@ -25,7 +25,6 @@ _BAND = 0.18
 ROOM = 1.05  # of the axis above the largest value
 HIGHEST = 4.0  # misfit shown in profiles, over the largest of the fits
 # Units in which values of parameters are written, by their SI unit.
-_SHOWN = {"m": "mm", "N m2": "N_mm2", "N m-3": "N_per_mm3", "N m-1": "N_per_m"}
 
 
 def ordered(datasets):
@@ -61,13 +60,6 @@ def title_of(dataset):
     """What a calibration is called in a figure."""
     name = dataset.attrs["calibration"].replace("_", " ")
     return f"no calibration: {name}" if is_given(dataset) else name
-
-
-def value_text(value, units):
-    """A parameter's value and the unit it is written in, as text."""
-    unit = _SHOWN.get(units)
-    number = f"{from_si(value, unit) if unit else value:.3g}"
-    return number, label(unit) if unit else ""
 
 
 MOST_TOLD = 3  # calibrated values in a panel
@@ -351,7 +343,7 @@ def fig32_misfit_profile(fitted):
             if parameter not in dataset.parameter.values:
                 continue
             one = dataset.sel(parameter=parameter)
-            shown = _SHOWN.get(str(one.parameter_units.values))
+            shown = READ_IN.get(str(one.parameter_units.values))
             unit = label(shown) if shown else "1"
             value, low, high, at = (
                 from_si(v, shown) if shown else v

@@ -139,7 +139,9 @@ def _add_recovery(found, loading, recovery, force, at, lacking):
             raise LeftOut(lacking)
         most = max(float(loading.y.max()), float(recovery.y.max()))
         if most > (1.0 + PAST) * force:
-            raise LeftOut(f"recovery begins after {shown(most, 'force')}, not at {at}: pull to that force")
+            raise LeftOut(
+                f"recovery begins after {shown(most, 'force')}, not at {at}: pull to that force"
+            )
         if not recovery.covers(top, top):
             raise LeftOut(
                 f"recovery begins at strain {recovery.high:.6g}, below that of {at}, {top:.6g}"

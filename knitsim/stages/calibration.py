@@ -247,9 +247,7 @@ def _prediction_dataset(fabric, predictor, forces, half, pretensions):
         "predicted_spacing_band": (
             ("spacing", "bound"), [[float(s.low[0]), float(s.high[0])] for s in spacings],
         ),
-        "stated_spacing": ("spacing", [
-            np.nan if own is None else own for own in fabric.stated_spacings
-        ]),
+        "stated_spacing": ("spacing", np.array(fabric.stated_spacings, dtype=float)),
     }  # fmt: skip
     for quantity in ("strain", "transverse_strain"):
         value, band = stacked(quantity)

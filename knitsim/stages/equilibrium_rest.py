@@ -74,12 +74,7 @@ def rest_dataset(fabric, relaxed, error):
     import xarray as xr  # late: it takes long to load, and a curve on the screen needs none
 
     lines = relaxed.centrelines
-    stated = {
-        f"stated_{name}": np.nan if own is None else own
-        for name, own in zip(
-            ("wale_spacing", "course_spacing"), fabric.stated_spacings, strict=True
-        )
-    }
+    wale, course = np.array(fabric.stated_spacings, dtype=float)
     cell, said = relaxed.model.cell, {}
     if relaxed.jammed:
         said["jammed"] = (
@@ -91,7 +86,8 @@ def rest_dataset(fabric, relaxed, error):
             "centreline": (("loop", "point", "axis"), lines),
             "wale_spacing": relaxed.wale_spacing,
             "course_spacing": relaxed.course_spacing,
-            **stated,
+            "stated_wale_spacing": wale,
+            "stated_course_spacing": course,
             "loop_length": fabric["loop_length"],
             "diameter": fabric.yarn["diameter"],
             "kc": fabric["loop_length"] / relaxed.course_spacing,

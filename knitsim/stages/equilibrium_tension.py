@@ -19,12 +19,11 @@ from knitsim.stages.equilibrium import (
 )
 from knitsim.stages.memory import cycles_dataset, turns_of
 from knitsim.store.timing import Timings
+from knitsim.study.scene_keys import EASY
 
 STAGE = "equilibrium_tension"
 # Times the strain at which a first pull has reached the force: finer steps may need a little more.
 BEYOND = (1.02, 1.1, 1.3)
-# Strains up to which the states of a first pull are enough; beyond there are more of them.
-EASY = {"course": 1.5, "wale": 0.9}
 STEEP = 0.25  # of the force: a step over which it changes by more is divided
 DIVIDED = 3  # times at most
 # Strains at which the ledger follows the force.
@@ -58,6 +57,7 @@ def _tensile(choice, direction, relaxed, **errors):
     strains = top * np.arange(1, choice["states"] + 1) / choice["states"]
     if choice["to_force"] is None:
         return pulled(relaxed, direction, strains, **test, **errors), strains
+    # Beyond what a test goes to without a force, a first pull has more states.
     count = int(np.ceil(choice["states"] * max(1.0, top / EASY[direction])))
     strains = top * np.arange(1, count + 1) / count
     once = test | {"recovery": False, "cycles": 1}

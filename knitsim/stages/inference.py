@@ -170,7 +170,7 @@ def _dataset(fabric, found, measured, counted, at, zero, entry):
         "profile_misfit": (("parameter", "profile_point"), np.zeros((n, 0))),
         "predicted_force_per_width": ("state", np.append(0.0, at)),
         "predicted_pretension": ("direction", [zero.get(d, 0.0) for d in DIRECTIONS]),
-        "stated_spacing": ("spacing", [np.nan if own is None else own for own in fabric.stated_spacings]),
+        "stated_spacing": ("spacing", np.array(fabric.stated_spacings, dtype=float)),
     }  # fmt: skip
     z = found.posterior.draws(SAMPLES)[0]
     rest = untold(found.emulator.places, found.emulator.rows(z))[:, :2]

@@ -17,7 +17,6 @@ from knitsim.files import replacing
 from knitsim.store.reader import attributes
 from knitsim.store.results import DIRECTIONS
 from knitsim.study.measured_checks import names_of
-from knitsim.study.measured_keys import PARAMETERS
 
 # Figures that stand in the page itself; beyond, in a sweep, there are links, and the first of each fabric.
 MOST_EMBEDDED = 60
@@ -189,16 +188,15 @@ def _kes(rows, fabric):
 
 def _calibrated(row):
     """A row of a calibration as the page shows it: a parameter in the unit of its key, or the fit."""
-    unit = PARAMETERS[row["name"]].unit if row["name"] in PARAMETERS else None
-    numbers = {
-        key: f"{units.from_si(float(row[key]), unit) if unit else float(row[key]):.3g}" if row[key] else ""
+    told = {
+        key: units.value_text(float(row[key]), row["units"]) if row[key] else ("", "")
         for key in ("value", "low", "high")
-    }  # fmt: skip
+    }
     whole = row["name"] == "all"
-    return numbers | {
+    return {key: number for key, (number, _) in told.items()} | {
         "calibration": row["calibration"], "says": row["says"],
         "name": "the fit" if whole else row["name"].replace("_", " "),
-        "unit": units.label(unit) if unit else "",
+        "unit": told["value"][1],
         "loud": any(word in row["says"] for word in ("not at all", "not determined", "value allowed")),
     }  # fmt: skip
 

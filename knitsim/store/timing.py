@@ -58,13 +58,13 @@ class Timings:
         budget: seconds after which no further run is begun.  Returns the result of the last run.
         """
         start = time.perf_counter()
-        result = call()
+        result, seconds = call(), []
         first = time.perf_counter() - start
-        seconds = [first] if first > LONG else []
+        if first > LONG:
+            self.add(name, first, note=MEDIAN, whole=whole)
+            return result
         start = time.perf_counter()
-        while not seconds or (
-            first <= LONG and time.perf_counter() - start < budget and len(seconds) < 100
-        ):
+        while not seconds or (time.perf_counter() - start < budget and len(seconds) < 100):
             begin = time.perf_counter()
             result = call()
             seconds.append(time.perf_counter() - begin)

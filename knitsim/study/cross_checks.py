@@ -221,17 +221,16 @@ def _check_loops(fabric, wales, courses):
     found = wales * courses * loop**2 / 100.0
     if LOOPS[0] / 3.0 <= found <= LOOPS[1] * 3.0:
         return
+    inch = f"wales_per_inch: {wales:.4g}, courses_per_inch: {courses:.4g}"
+    derived = "loop_length" in fabric.derived
+    # Of a loop that mass and density give, the density counts twice.
+    by_mass = derived and fabric.is_stated("mass_per_area")
     of_loop = (
         (f"loop_length_mm: {10.0 * loop:.4g}", 100.0),
         (f"loop_length_mm: {0.1 * loop:.4g}", 0.01),
         (f"loop_length_mm: {25.4 * loop:.4g}", 25.4**2),
     )
-    derived = "loop_length" in fabric.derived
-    by_mass = derived and fabric.is_stated("mass_per_area")
-    # Of a loop that mass and density give, the density counts twice.
-    inch = f"wales_per_inch: {wales:.4g}, courses_per_inch: {courses:.4g}"
-    of_density = ((inch, 2.54 ** (2 if by_mass else -2)),)
-    for meant, by in of_density if derived else (*of_loop, *of_density):
+    for meant, by in (*(() if derived else of_loop), (inch, 2.54 ** (2 if by_mass else -2))):
         if LOOPS[0] / 1.5 <= found * by <= LOOPS[1] * 1.5:
             raise InputError(
                 *fabric.stated("wale_spacing" if meant == inch else "loop_length"),
